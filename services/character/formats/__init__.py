@@ -1,0 +1,1 @@
+"""File formats of poses and motions: one file per format."""
