@@ -57,7 +57,7 @@ def _radius(bone: str) -> float | None:
 def body_capsules(skeleton: Skeleton) -> Capsules:
     """Capsules of every humanoid bone with a radius; hands, head and toes end at the skeleton's tips.
 
-    The torso is two capsules wide at the hips (across the hip joints) and single above; scaled with the skeleton's height.
+    The hips' capsule lies across the hip joints; radii scale with the skeleton's height.
     """
     scale = _height(skeleton) / 1.69
     rows: list[tuple[int, np.ndarray, np.ndarray, float, str]] = []

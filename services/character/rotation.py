@@ -1,7 +1,7 @@
 """Rotations: unit quaternions `xyzw`, the 6D form that networks use, rotation vectors that the optimiser uses, yaw.
 
-All functions broadcast over leading axes, take numpy arrays or torch tensors, and in torch are differentiable everywhere
-but at half turns.
+All functions broadcast over leading axes and take numpy arrays or torch tensors; in torch they are differentiable but
+at half turns.
 """
 
 from typing import Any
@@ -159,7 +159,7 @@ def quat_slerp(a: Array, b: Array, t: Any) -> Array:
 
 
 def quat_between(u: Array, v: Array) -> Array:
-    """The smallest rotation that turns direction `u` into `v`, about any normal if they are opposite. 2 x [..., 3] -> [..., 4]."""
+    """The smallest rotation that turns direction `u` into `v`, any normal if opposite. Two [..., 3] -> [..., 4]."""
     xp = namespace(u, v)
     u, v = vec_normalize(u), vec_normalize(v)
     cosine = xp.sum(u * v, axis=-1, keepdims=True)

@@ -125,7 +125,7 @@ def _decode(tree: _Hierarchy, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def write_bvh(path: str | Path, clip: Clip) -> None:
-    """Writes a clip: centimetres, root Xposition Yposition Zposition, rotations Zrotation Xrotation Yrotation in degrees."""
+    """Writes a clip in centimetres and degrees; rotation channels are Zrotation Xrotation Yrotation."""
     skeleton = clip.skeleton
     lines = ["HIERARCHY", *_hierarchy_lines(skeleton, 0, 0), "MOTION", f"Frames: {len(clip)}"]
     lines.append(f"Frame Time: {1 / clip.frame_rate:.8f}")
