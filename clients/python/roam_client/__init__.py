@@ -1,0 +1,1 @@
+"""Client of ROAM Services: goal poses and streamed motion, without torch."""

@@ -1,0 +1,1 @@
+"""Goal poses: a reference pose carried over to an unseen object."""

@@ -1,0 +1,1 @@
+"""What every server needs: settings, error table, health, metrics, one-loop server."""
