@@ -1,0 +1,76 @@
+"""Surface samples: deterministic, spread by area, in an order whose every beginning is itself a fair sample."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from goalpose.objects.geometry import Array, Geometry
+
+# Fractional parts of the powers of the plastic number: the two-dimensional additive sequence with the evenest spread.
+_R2 = np.array([0.7548776662466927, 0.5698402909980532])
+_CLOUD_CELL = 0.02  # [m] within a cell of this size cloud points share their weight
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Points on a surface.
+
+    Attributes:
+        points: `[N, 3]`.
+        normals: `[N, 3]` unit, from the winding of the triangles (not made consistent); None for a point cloud.
+    """
+
+    points: Array
+    normals: Array | None
+
+
+def content_seed(geometry: Geometry) -> int:
+    """A seed that depends on nothing but the geometry's numbers (at float32)."""
+    digest = hashlib.sha256(geometry.vertices.astype("<f4").tobytes())
+    if geometry.faces is not None:
+        digest.update(geometry.faces.astype("<i4").tobytes())
+    return int.from_bytes(digest.digest()[:8], "little")
+
+
+def triangle_areas(triangles: Array) -> Array:
+    """Areas `[F]` of triangles `[F, 3, 3]`."""
+    return 0.5 * np.linalg.norm(_area_vectors(triangles), axis=1)
+
+
+def sample_triangles(triangles: Array, count: int, *, seed: int) -> Samples:
+    """`count` points spread by area over triangles `[F, 3, 3]`, in random order.
+
+    The cumulated area is cut into `count` equal pieces with one point in each, so a triangle's number of points is never
+    more than one off its fair share; within triangles the points follow a low-discrepancy sequence.
+    """
+    vectors = _area_vectors(triangles)
+    cumulated = np.cumsum(np.linalg.norm(vectors, axis=1))
+    rng = np.random.default_rng(seed)
+    targets = (np.arange(count) + rng.random(count)) * (cumulated[-1] / count)
+    chosen = np.minimum(np.searchsorted(cumulated, targets, side="right"), len(triangles) - 1)
+    order = rng.permutation(count)
+    uv = (rng.random(2) + np.outer(np.arange(count), _R2)) % 1.0
+    folded = uv.sum(axis=1) > 1.0
+    uv[folded] = 1.0 - uv[folded]
+    corner = triangles[chosen]
+    points = corner[:, 0] + uv[:, :1] * (corner[:, 1] - corner[:, 0]) + uv[:, 1:] * (corner[:, 2] - corner[:, 0])
+    normals = vectors[chosen]
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    return Samples(points[order], normals[order])
+
+
+def sample_cloud(points: Array, count: int, *, seed: int) -> Samples:
+    """At most `count` of the points, in random order, dense regions thinned: scans are denser near the sensor."""
+    cells = np.floor((points - points.min(axis=0)) / _CLOUD_CELL).astype(np.int64)
+    rows = (cells * np.array([1 << 42, 1 << 21, 1])).sum(axis=1)
+    _, inverse, sizes = np.unique(rows, return_inverse=True, return_counts=True)
+    # Weighted sampling without replacement: the largest u^(1/w) win (Efraimidis and Spirakis 2006).
+    keys = np.log(np.random.default_rng(seed).random(len(points))) * sizes[inverse]
+    return Samples(points[np.argsort(-keys, kind="stable")[:count]], None)
+
+
+def _area_vectors(triangles: Array) -> Array:
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -1,0 +1,159 @@
+"""Signed distance on a grid, for any soup of triangles and any point cloud.
+
+Free meshes are open, thin, self-intersecting and inconsistently wound, so nothing here trusts closedness or winding:
+
+1. The surface, densely sampled, gives the unsigned distance u at every node.
+2. Nodes with u > r are *free*; r closes gaps narrower than 2 r. Free nodes that air from the sides or the top reaches are
+   *outside*; the floor is closed, and hollows that are walled on all six sides count as body, because furniture is often
+   modelled without its underside.
+3. A node is inside when it is farther than r from everything outside (a morphological closing, so plates thinner than r
+   keep both their faces). Its depth is that distance less r.
+4. Sheets without thickness are given some, or a grid could not hold them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+Floats = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
+Ints = npt.NDArray[np.intp]
+
+_NODE_BUDGET = 600_000  # decides the pitch: more would cost more than 0.2 s on one core
+_FINEST, _COARSEST = 0.0125, 0.03  # [m]
+_PAD = 0.15  # [m] of free nodes around the box
+_MIN_GAP = 0.03  # [m] narrower openings are closed
+_DEEPEST_UNDERSIDE = (
+    0.20  # [m] a hollow open only to a floor this near is the body of a sofa, not the room under a chair
+)
+_MIN_HOLLOW = 0.10  # [m] lower hollows (between stretchers, inside an apron) stay open
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Signed distances at nodes `origin + pitch * (i, j, k)`.
+
+    Attributes:
+        origin: `[3]` [m].
+        pitch: [m].
+        values: `[X, Y, Z]` [m], negative inside.
+    """
+
+    origin: npt.NDArray[np.float64]
+    pitch: float
+    values: Floats
+
+
+def choose_pitch(extents: npt.NDArray[np.float64]) -> float:
+    """Node spacing [m] at which a box of `extents` [m] with its margin has about `_NODE_BUDGET` nodes."""
+    volume = float(np.prod(extents + 2 * _PAD))
+    return float(np.clip((volume / _NODE_BUDGET) ** (1 / 3), _FINEST, _COARSEST))
+
+
+def signed_distance(points: Floats, normals: Floats, *, pitch: float, spacing: float, floor: float) -> Grid:
+    """Signed distance to the body that the surface samples bound.
+
+    Args:
+        points: `[M, 3]` samples [m], +Y up.
+        normals: `[M, 3]` unit, of either sign.
+        pitch: node spacing [m].
+        spacing: usual distance between neighbouring samples [m]; holes of this size are not openings.
+        floor: height of the floor on which the object stands [m].
+    """
+    low = points.min(axis=0).astype(np.float64) - _PAD
+    shape = np.ceil((points.max(axis=0) + _PAD - low) / pitch).astype(int) + 1
+    nearest, unsigned = _unsigned(points, normals, low, pitch, tuple(shape), spacing)
+    radius = max(0.5 * _MIN_GAP, 0.9 * pitch, 0.75 * spacing)
+    level = int(np.floor((floor - low[1]) / pitch))
+    outside = _outside(unsigned > radius, level=level, pitch=pitch)
+    depth = _depth(outside, unsigned, radius, pitch)
+    values = np.where(depth > 0, -depth, unsigned)
+    close = (depth > 0) & (np.abs(depth - unsigned) < 0.5 * pitch)
+    values[close] = -unsigned[close]  # u knows the surface better than the closing does
+    values -= _padding(depth, nearest, pitch)
+    return Grid(low, pitch, values)
+
+
+def _unsigned(
+    points: Floats, normals: Floats, low: npt.NDArray[np.float64], pitch: float, shape: tuple[int, ...], spacing: float
+) -> tuple[Ints, Floats]:
+    """For every node the flat index of the nearest node that holds a sample, and the distance to that sample's disc."""
+    local = (points - low.astype(np.float32)) / np.float32(pitch)
+    cell = np.rint(local).astype(np.intp)
+    flat = np.ravel_multi_index((cell[:, 0], cell[:, 1], cell[:, 2]), shape)
+    offset = ((local - cell) ** 2).sum(axis=1)
+    order = np.argsort(-offset, kind="stable")
+    holder = np.full(int(np.prod(shape)), -1, dtype=np.intp)
+    holder[flat[order]] = order  # the last write wins: the sample nearest to the node
+    empty = (holder < 0).reshape(shape)
+    indices = ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)
+    nearest = np.ravel_multi_index(tuple(indices), shape)
+    sample = holder[nearest]
+    axes = [np.arange(n, dtype=np.float32) for n in shape]
+    plane = np.zeros(shape, dtype=np.float32)
+    square = np.zeros(shape, dtype=np.float32)
+    for axis in range(3):
+        grid = axes[axis].reshape([-1 if a == axis else 1 for a in range(3)])
+        delta = grid - local[:, axis][sample]
+        plane += delta * normals[:, axis][sample]
+        square += delta * delta
+    lateral = np.sqrt(np.maximum(square - plane * plane, 0.0))
+    reach = np.float32(max(0.35, 0.5 * spacing / pitch))
+    distance = np.hypot(plane, np.maximum(lateral - reach, 0.0)) * np.float32(pitch)
+    return nearest, distance
+
+
+def _outside(free: Mask, *, level: int, pitch: float) -> Mask:
+    """Free nodes that are not enclosed. `level` is the last layer of nodes below the floor."""
+    air = free.copy()
+    air[:, : level + 1] = False
+    labels, _ = ndimage.label(air)
+    reached = np.unique(np.concatenate([labels[s].ravel() for s in _open_sides()]))
+    enclosed = air & ~np.isin(labels, reached[reached > 0])
+    enclosed |= _walled(air, ~free, level=level, pitch=pitch)
+    return free & ~enclosed
+
+
+def _open_sides() -> list[tuple[slice | int, ...]]:
+    everything = slice(None)
+    return [(0,), (-1,), (everything, everything, 0), (everything, everything, -1), (everything, -1)]
+
+
+def _walled(air: Mask, wall: Mask, *, level: int, pitch: float) -> Mask:
+    """Air with a wall (or the near floor) in all six axis directions, where it is high enough to be a body's hollow."""
+    seen = air.copy()
+    for axis in (0, 2):
+        seen &= np.logical_or.accumulate(wall, axis=axis)
+        seen &= np.flip(np.logical_or.accumulate(np.flip(wall, axis), axis=axis), axis)
+    seen &= np.flip(np.logical_or.accumulate(np.flip(wall, 1), axis=1), 1)
+    below = np.logical_or.accumulate(wall, axis=1)
+    below[:, : level + 1 + round(_DEEPEST_UNDERSIDE / pitch)] = True
+    seen &= below
+    run = max(2, round(_MIN_HOLLOW / pitch))
+    return ndimage.binary_opening(seen, structure=np.ones((3, run, 3), dtype=bool))
+
+
+def _depth(outside: Mask, unsigned: Floats, radius: float, pitch: float) -> Floats:
+    """How far inside the closed body a node lies [m]; 0 outside."""
+    shape = outside.shape
+    box = ndimage.find_objects((~outside).astype(np.int8))[0]
+    depth = np.zeros(shape, dtype=np.float32)
+    margin = tuple(slice(max(s.start - 1, 0), min(s.stop + 1, n)) for s, n in zip(box, shape, strict=True))
+    steps, indices = ndimage.distance_transform_edt(~outside[margin], return_indices=True)
+    # The outside node lies up to one pitch beyond the level set u = r.
+    beyond = np.clip(unsigned[margin][tuple(indices)] - radius, 0.0, pitch)
+    depth[margin] = np.where(steps > 0, np.maximum(steps * pitch - beyond - radius, 0.0), 0.0)
+    return depth
+
+
+def _padding(depth: Floats, nearest: Ints, pitch: float) -> Floats:
+    """What to take off the distance so that sheets are at least a centimetre thick and visible on the grid [m]."""
+    half = max(0.005, 0.5 * pitch)
+    local = ndimage.maximum_filter(depth, size=3)
+    missing = np.clip(half - local, 0.0, half)
+    padding: Floats = missing.ravel()[nearest].astype(np.float32)
+    return padding
