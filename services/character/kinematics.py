@@ -105,7 +105,7 @@ def two_bone_ik(
     forward = like([0.0, 0.0, 1.0], start) if bend is None else bend
     forward = xp.broadcast_to(forward, a.shape)
     sideways = vec_cross(vec_normalize(forward), vec_normalize(end - start))
-    axis = vec_normalize(vec_cross(a, b) / (la * lb) - 0.02 * sideways)
+    axis = vec_normalize(vec_cross(a, b) / (la * lb) + 0.02 * sideways)
     turn = quat_from_rotvec(axis * (now - wanted))
     bent = middle + quat_rotate(turn, b)
     swing = quat_between(bent - start, target - start)

@@ -41,10 +41,10 @@ def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
         head, _, motion = path.read_text(errors="replace").partition("MOTION")
         hierarchy = _parse_hierarchy(iter(head.split()))
         interval, values = _parse_motion(motion, sum(map(len, hierarchy.channels)))
+        roots, rotations = _decode(hierarchy, values)
     except (BvhError, StopIteration, ValueError, IndexError) as error:
         raise BvhError(f"{path.name}: {error or 'the hierarchy ends too early'}") from error
     scale = unit or _guess_unit(hierarchy)
-    roots, rotations = _decode(hierarchy, values)
     skeleton = Skeleton(
         joint_names=tuple(hierarchy.names),
         parents=tuple(hierarchy.parents),

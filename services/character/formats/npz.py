@@ -32,7 +32,7 @@ def motion_arrays(clip: Clip) -> dict[str, np.ndarray]:
         "root_position": clip.root_positions,
         "rotations": clip.rotations,
         "joint_positions": clip.positions(),
-        "fps": np.float32(clip.frame_rate),
+        "fps": np.array(clip.frame_rate, np.float32),
     }
 
 
@@ -43,7 +43,7 @@ def _skeleton_arrays(skeleton: Skeleton) -> dict[str, np.ndarray]:
 def write_npz(path: str | Path, content: Clip | Pose, **extra: np.ndarray) -> None:
     """Writes a pose or a motion; `extra` arrays (object_to_world, contacts, …) are stored beside."""
     arrays = pose_arrays(content) if isinstance(content, Pose) else motion_arrays(content)
-    np.savez_compressed(Path(path), **{**arrays, **extra})
+    np.savez_compressed(Path(path), allow_pickle=False, **{**arrays, **extra})
 
 
 def read_pose(path: str | Path, skeleton: Skeleton) -> Pose:

@@ -1,0 +1,25 @@
+"""Where the real data lie, for the few tests that need them."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+def _data(folder: str) -> Path:
+    root = Path(os.environ.get("ROAM_DATA", Path(__file__).parents[2] / "shared"))
+    if not (root / folder).is_dir():
+        pytest.skip(f"needs the real data: set ROAM_DATA to a folder that contains {folder}/")
+    return root / folder
+
+
+@pytest.fixture
+def mocap() -> Path:
+    """The folder of motion-capture clips, or a skip."""
+    return _data("mocap")
+
+
+@pytest.fixture
+def objects() -> Path:
+    """The folder of furniture meshes, or a skip."""
+    return _data("objects")
