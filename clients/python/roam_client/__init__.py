@@ -1,1 +1,80 @@
-"""Client of ROAM Services: goal poses and streamed motion, without torch."""
+"""Client of ROAM Services: goal poses and streamed motion, without torch.
+
+    from roam_client import Client
+
+    with Client(goalpose="localhost:50051", motion="localhost:50052") as client:
+        goal = client.synthesize(client.upload("chair.glb"), reference="chair_sit")
+        with client.create_session(floor_height=goal.floor_height) as session:
+            session.bake(goal).save("sit.npz")
+
+`AsyncClient` has the same methods as coroutines.
+"""
+
+from roam_client.actions import Action
+from roam_client.async_client import AsyncClient
+from roam_client.async_session import AsyncSession
+from roam_client.async_stream import AsyncStream
+from roam_client.errors import (
+    AccessDeniedError,
+    ConflictError,
+    ConnectionFailedError,
+    FieldViolation,
+    FormatError,
+    InternalServerError,
+    InvalidRequestError,
+    NotFoundError,
+    RequestTimeoutError,
+    RoamError,
+    ServerError,
+    UnavailableError,
+    WireError,
+)
+from roam_client.frames import Event, EventType, Frame, Header
+from roam_client.goal_poses import GoalPose, Pose, Progress, ReferencePose
+from roam_client.motions import Motion
+from roam_client.objects import Object, Warning
+from roam_client.server_info import ServerInfo
+from roam_client.sessions import Placement
+from roam_client.skeleton import Capsule, Skeleton, Tip
+from roam_client.sync_client import Client
+from roam_client.sync_session import Session
+from roam_client.sync_stream import Stream
+
+__all__ = [
+    "AccessDeniedError",
+    "Action",
+    "AsyncClient",
+    "AsyncSession",
+    "AsyncStream",
+    "Capsule",
+    "Client",
+    "ConflictError",
+    "ConnectionFailedError",
+    "Event",
+    "EventType",
+    "FieldViolation",
+    "FormatError",
+    "Frame",
+    "GoalPose",
+    "Header",
+    "InternalServerError",
+    "InvalidRequestError",
+    "Motion",
+    "NotFoundError",
+    "Object",
+    "Placement",
+    "Pose",
+    "Progress",
+    "ReferencePose",
+    "RequestTimeoutError",
+    "RoamError",
+    "ServerError",
+    "ServerInfo",
+    "Session",
+    "Skeleton",
+    "Stream",
+    "Tip",
+    "UnavailableError",
+    "Warning",
+    "WireError",
+]

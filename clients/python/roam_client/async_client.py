@@ -1,0 +1,219 @@
+"""The client for asyncio. The twin for ordinary code is `sync_client`; keep the two alike."""
+
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import grpc
+import grpc.aio
+from roam.v1 import (
+    goal_pose_pb2,
+    goal_pose_pb2_grpc,
+    motion_pb2,
+    motion_pb2_grpc,
+    server_pb2,
+    server_pb2_grpc,
+    skeleton_pb2,
+    skeleton_pb2_grpc,
+)
+
+from roam_client.actions import Action
+from roam_client.async_session import AsyncSession
+from roam_client.errors import InternalServerError, server_errors
+from roam_client.goal_poses import GoalPose, Progress, ReferencePose, synthesize_request
+from roam_client.objects import Object, format_of, upload_requests
+from roam_client.server_info import ServerInfo
+from roam_client.sessions import Placement, session_request
+from roam_client.skeleton import Skeleton, capsules_from_messages
+from roam_client.transport import CHANNEL_OPTIONS, required
+
+OnProgress = Callable[[Progress], None]
+
+
+class AsyncClient:
+    """Both services, or one of them.
+
+        async with AsyncClient(goalpose="localhost:50051", motion="localhost:50052") as client:
+            chair = await client.upload("chair.glb")
+            goal = await client.synthesize(chair, reference="chair_sit")
+            async with await client.create_session(floor_height=goal.floor_height) as session:
+                motion = await session.bake(goal)
+
+    Addresses are gRPC `host:port`. Every method raises an error of `roam_client.errors`.
+    """
+
+    def __init__(
+        self,
+        *,
+        goalpose: str | None = None,
+        motion: str | None = None,
+        credentials: grpc.ChannelCredentials | None = None,
+        timeout: float = 30.0,
+    ) -> None:
+        self._goalpose = goalpose
+        self._motion = motion
+        self._credentials = credentials
+        self._timeout = timeout  # [s] for everything but the optimisation and streams
+        self._channels: dict[str, grpc.aio.Channel] = {}
+        self._skeletons: dict[str, Skeleton] = {}
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Closes the connections; sessions live on until they expire."""
+        for channel in self._channels.values():
+            await channel.close()
+        self._channels.clear()
+
+    # Goal poses
+
+    async def upload(
+        self,
+        source: str | Path | bytes,
+        *,
+        format: str | None = None,
+        unit: str | None = None,
+        up_axis: str | None = None,
+    ) -> Object:
+        """Puts a furniture file on the server. Bytes need a `format`; unit and up axis are detected when not given."""
+        if isinstance(source, bytes):
+            data, name = source, format or ""
+        else:
+            data, name = Path(source).read_bytes(), format or format_of(Path(source))
+        target, stub = self._goal_pose_stub()
+        with server_errors(target):
+            requests = upload_requests(data, format=name, unit=unit, up_axis=up_axis)
+            return Object.from_message((await stub.UploadObject(requests, timeout=self._timeout)).object)
+
+    async def object(self, name: str) -> Object:
+        """What the server knows of an uploaded object."""
+        target, stub = self._goal_pose_stub()
+        with server_errors(target):
+            request = goal_pose_pb2.GetObjectRequest(name=name)
+            return Object.from_message((await stub.GetObject(request, timeout=self._timeout)).object)
+
+    async def reference_poses(self, *, include_points: bool = False) -> tuple[ReferencePose, ...]:
+        """The poses that `synthesize` can adapt."""
+        target, stub = self._goal_pose_stub()
+        with server_errors(target):
+            request = goal_pose_pb2.ListReferencePosesRequest(include_points=include_points)
+            response = await stub.ListReferencePoses(request, timeout=self._timeout)
+        return tuple(ReferencePose.from_message(message) for message in response.reference_poses)
+
+    async def synthesize(
+        self,
+        object: Object | str,
+        *,
+        reference: str | None = None,
+        action: Action = Action.SIT,
+        restarts: int = 0,
+        seed: int = 0,
+        initial_yaw: float | None = None,
+        solver: str = "",
+        timeout: float = 600.0,
+        on_progress: OnProgress | None = None,
+    ) -> GoalPose:
+        """Optimises one goal pose on an uploaded object; `reference` wins over `action`."""
+        place = await self.object(object) if isinstance(object, str) else object
+        request = synthesize_request(
+            place,
+            reference=reference,
+            action=action,
+            restarts=restarts,
+            seed=seed,
+            initial_yaw=initial_yaw,
+            solver=solver,
+        )
+        async for answer in self._synthesize(request, timeout):
+            if answer.WhichOneof("message") == "goal_pose":
+                message = answer.goal_pose
+                skeleton = await self.skeleton(message.pose.skeleton_id)
+                return GoalPose.from_message(message, skeleton=skeleton, object_to_world=place.object_to_world)
+            if on_progress is not None:
+                on_progress(Progress.from_message(answer.progress))
+        raise InternalServerError("the stream ended without a goal pose", reason="NO_RESULT")
+
+    async def _synthesize(
+        self, request: goal_pose_pb2.SynthesizeRequest, timeout: float
+    ) -> AsyncIterator[goal_pose_pb2.SynthesizeResponse]:
+        target, stub = self._goal_pose_stub()
+        with server_errors(target):
+            async for answer in stub.Synthesize(request, timeout=timeout):
+                yield answer
+
+    async def skeleton(self, id: str = "") -> Skeleton:
+        """A skeleton with its stand-in body, by id or name; the server's default when empty. Cached."""
+        if id not in self._skeletons:
+            target = self._goalpose or required(self._motion, "goalpose")
+            stub = skeleton_pb2_grpc.SkeletonServiceStub(self._channel(target))
+            with server_errors(target):
+                response = await stub.GetSkeleton(skeleton_pb2.GetSkeletonRequest(skeleton=id), timeout=self._timeout)
+            body = capsules_from_messages(list(response.body))
+            self._skeletons[id] = Skeleton.from_message(response.skeleton, body)
+        return self._skeletons[id]
+
+    # Motion
+
+    async def create_session(
+        self,
+        start: Placement | None = None,
+        *,
+        seed: int = 0,
+        floor_height: float = 0.0,
+        idle_timeout: float | None = None,
+        skeleton_id: str = "",
+        request_id: str | None = None,
+    ) -> AsyncSession:
+        """A character standing at `start` (default: the origin, facing +Z). A `request_id` makes a retry safe."""
+        target = required(self._motion, "motion")
+        request = session_request(
+            start,
+            seed=seed,
+            floor_height=floor_height,
+            idle_timeout=idle_timeout,
+            skeleton_id=skeleton_id,
+            request_id=request_id,
+        )
+        stub = motion_pb2_grpc.MotionServiceStub(self._channel(target))
+        with server_errors(target):
+            message = (await stub.CreateSession(request, timeout=self._timeout)).session
+        return AsyncSession(stub, message, target=target, timeout=self._timeout)
+
+    async def session(self, name: str) -> AsyncSession:
+        """A session that exists already."""
+        target = required(self._motion, "motion")
+        stub = motion_pb2_grpc.MotionServiceStub(self._channel(target))
+        with server_errors(target):
+            message = (await stub.GetSession(motion_pb2.GetSessionRequest(name=name), timeout=self._timeout)).session
+        return AsyncSession(stub, message, target=target, timeout=self._timeout)
+
+    # Servers
+
+    async def server_info(self, service: str) -> ServerInfo:
+        """What a server is and what it accepts; `service` is goalpose or motion."""
+        target = required(self._motion if service == "motion" else self._goalpose, service)
+        stub = server_pb2_grpc.ServerServiceStub(self._channel(target))
+        with server_errors(target):
+            return ServerInfo.from_message(
+                await stub.GetServerInfo(server_pb2.GetServerInfoRequest(), timeout=self._timeout)
+            )
+
+    def _goal_pose_stub(self) -> tuple[str, goal_pose_pb2_grpc.GoalPoseServiceStub]:
+        target = required(self._goalpose, "goalpose")
+        return target, goal_pose_pb2_grpc.GoalPoseServiceStub(self._channel(target))
+
+    def _channel(self, target: str) -> grpc.aio.Channel:
+        if target not in self._channels:
+            if self._credentials is not None:
+                channel = grpc.aio.secure_channel(target, self._credentials, options=CHANNEL_OPTIONS)
+            else:
+                channel = grpc.aio.insecure_channel(target, options=CHANNEL_OPTIONS)
+            self._channels[target] = channel
+        return self._channels[target]

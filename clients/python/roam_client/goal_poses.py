@@ -1,0 +1,198 @@
+"""Goal poses: what the optimisation answers, its progress, and the reference poses it starts from."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from roam.v1 import goal_pose_pb2, motion_pb2, skeleton_pb2
+
+from roam_client.actions import Action, action_from_message
+from roam_client.files import save_arrays
+from roam_client.objects import Object, Warning, warnings_from_messages
+from roam_client.packing import Floats, pack_floats, unpack_floats
+from roam_client.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """One full-body configuration."""
+
+    skeleton_id: str
+    root_position: Floats  # [3] world [m]
+    rotations: Floats  # [J, 4] local, xyzw
+
+    @classmethod
+    def from_message(cls, message: skeleton_pb2.Pose) -> Self:
+        """Decodes."""
+        return cls(
+            skeleton_id=message.skeleton_id,
+            root_position=unpack_floats(message.root_position, (3,), field="root_position"),
+            rotations=unpack_floats(message.rotations, (-1, 4), field="rotations"),
+        )
+
+    @property
+    def message(self) -> skeleton_pb2.Pose:
+        """The protocol's form."""
+        return skeleton_pb2.Pose(
+            skeleton_id=self.skeleton_id,
+            root_position=pack_floats(self.root_position),
+            rotations=pack_floats(self.rotations),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """A moment of the optimisation."""
+
+    stage: int  # 1..3; 0 while preparing
+    stage_name: str
+    iteration: int
+    iteration_count: int
+    energy: float
+    pose: Pose | None
+
+    @classmethod
+    def from_message(cls, message: goal_pose_pb2.Progress) -> Self:
+        """Decodes."""
+        return cls(
+            stage=message.stage,
+            stage_name=message.stage_name,
+            iteration=message.iteration,
+            iteration_count=message.iteration_count,
+            energy=message.energy,
+            pose=Pose.from_message(message.pose) if message.HasField("pose") else None,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GoalPose:
+    """A pose on one object, in that object's own placement (metres, Y up), and how good it is."""
+
+    name: str  # "goalPoses/sha256:<hex>"
+    skeleton: Skeleton
+    root_position: Floats  # [3] [m]
+    rotations: Floats  # [J, 4] local, xyzw
+    joint_positions: Floats  # [J, 3] [m]
+    energies: dict[str, float]  # every term, weighted, and "total"
+    diagnostics: dict[str, float]  # hip_seat_distance, penetration_depth, floor_distance [m], heading [rad], …
+    warnings: tuple[Warning, ...]
+    object: str
+    reference_pose: str
+    action: Action
+    floor_height: float  # [m]
+    object_to_world: npt.NDArray[np.float64]  # [4, 4] what was done to the file's coordinates
+
+    @classmethod
+    def from_message(
+        cls, message: goal_pose_pb2.GoalPose, *, skeleton: Skeleton, object_to_world: npt.ArrayLike
+    ) -> Self:
+        """Decodes; WireError when the arrays do not fit the skeleton."""
+        count = skeleton.joint_count
+        return cls(
+            name=message.name,
+            skeleton=skeleton,
+            root_position=unpack_floats(message.pose.root_position, (3,), field="root_position"),
+            rotations=unpack_floats(message.pose.rotations, (count, 4), field="rotations"),
+            joint_positions=unpack_floats(message.joint_positions, (count, 3), field="joint_positions"),
+            energies=dict(message.energies),
+            diagnostics=dict(message.diagnostics),
+            warnings=warnings_from_messages(list(message.warnings)),
+            object=message.object,
+            reference_pose=message.reference_pose,
+            action=action_from_message(message.action),
+            floor_height=message.floor_height,
+            object_to_world=np.asarray(object_to_world, np.float64),
+        )
+
+    @property
+    def pose(self) -> Pose:
+        """The bare pose."""
+        return Pose(self.skeleton.id, self.root_position, self.rotations)
+
+    @property
+    def heading(self) -> float:
+        """Where the hips face on the floor: yaw about +Y [rad]; 0 faces +Z."""
+        x, y, z, w = (float(value) for value in self.rotations[0])
+        return float(np.arctan2(2 * (x * z + y * w), 1 - 2 * (x * x + y * y)))
+
+    @property
+    def goal_message(self) -> motion_pb2.Goal:
+        """This pose as the goal of a motion session."""
+        return motion_pb2.Goal(goal_pose=self.name, pose=self.pose.message, action=self.action.message)
+
+    def arrays(self) -> dict[str, Any]:
+        """What is saved; other tools rely on these names."""
+        return {
+            "joint_names": np.array(self.skeleton.joint_names),
+            "parents": np.array(self.skeleton.parents, np.int32),
+            "root_position": self.root_position,
+            "rotations": self.rotations,
+            "joint_positions": self.joint_positions,
+            "object_to_world": self.object_to_world,
+            "floor_height": np.float64(self.floor_height),
+            "action": np.int32(self.action),
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Writes .npz or .json; FormatError for another ending."""
+        extra = {
+            "name": self.name,
+            "object": self.object,
+            "reference_pose": self.reference_pose,
+            "energies": self.energies,
+            "diagnostics": self.diagnostics,
+        }
+        save_arrays(Path(path), self.arrays(), extra)
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePose:
+    """A pose with the object it was made for; what the optimisation adapts."""
+
+    name: str  # "referencePoses/{id}"
+    title: str
+    action: Action
+    pose: Pose
+    object_points: Floats | None  # [N, 3] [m]; only when asked for
+
+    @classmethod
+    def from_message(cls, message: goal_pose_pb2.ReferencePose) -> Self:
+        """Decodes."""
+        points = message.object_points
+        return cls(
+            name=message.name,
+            title=message.title,
+            action=action_from_message(message.action),
+            pose=Pose.from_message(message.pose),
+            object_points=unpack_floats(points, (-1, 3), field="object_points") if points else None,
+        )
+
+    @property
+    def id(self) -> str:
+        """The name without its collection: chair_sit, sofa_sit, …"""
+        return self.name.removeprefix("referencePoses/")
+
+
+def synthesize_request(
+    object: Object | str,
+    *,
+    reference: str | None = None,
+    action: Action = Action.SIT,
+    restarts: int = 0,
+    seed: int = 0,
+    initial_yaw: float | None = None,
+    solver: str = "",
+) -> goal_pose_pb2.SynthesizeRequest:
+    """The request for one goal pose; `reference` is an id or a full name and wins over `action`."""
+    name = reference if reference is None or reference.startswith("referencePoses/") else f"referencePoses/{reference}"
+    return goal_pose_pb2.SynthesizeRequest(
+        object=object if isinstance(object, str) else object.name,
+        reference_pose=name or "",
+        action=action.message,
+        restarts=restarts,
+        seed=seed,
+        initial_yaw=initial_yaw,
+        solver=solver,
+    )

@@ -1,0 +1,131 @@
+"""What a frame stream must remember to be resumed: shared by both twins, does no input or output itself.
+
+twin                              StreamState
+connect ─────────────────────────► opening()        messages to send first
+each message received ───────────► receive(message) decoded item; answers to send are in `outbox`
+control from the caller ─────────► control(input)   message to send now; kept until the server has it
+connection broke ────────────────► opening()        again: continues after the last frame received
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from roam.v1 import motion_pb2
+
+from roam_client.errors import WireError
+from roam_client.frames import Event, EventType, Frame, Header
+from roam_client.skeleton import Skeleton
+
+REALTIME = motion_pb2.PACING_REALTIME
+CREDIT = motion_pb2.PACING_CREDIT
+BURST = motion_pb2.PACING_BURST
+
+_ENCODINGS = {"float32": motion_pb2.ROTATION_ENCODING_FLOAT32, "snorm16": motion_pb2.ROTATION_ENCODING_SNORM16}
+_PACINGS = {"realtime": REALTIME, "credit": CREDIT, "burst": BURST}
+
+Item = Header | Frame | Event
+
+
+class ControlCounter:
+    """Numbers the controls of one session 1, 2, 3, …, whichever way they are sent."""
+
+    def __init__(self) -> None:
+        self.last = 0
+
+    def next(self) -> int:
+        """The next control_id."""
+        self.last += 1
+        return self.last
+
+    def at_least(self, value: int) -> None:
+        """Skips ids that the server has already seen, for example from an earlier process."""
+        self.last = max(self.last, value)
+
+
+@dataclass
+class StreamState:
+    """Cursor, header and unconfirmed controls of one stream."""
+
+    session: str
+    counter: ControlCounter
+    pacing: str = "realtime"  # realtime, credit or burst
+    encoding: str = "float32"  # float32 or snorm16
+    joint_positions: bool = False
+    credit: int = 0  # frames granted ahead under credit pacing
+    after_sequence: int = 0
+    header: Header | None = None
+    outbox: list[motion_pb2.AnimateRequest] = field(default_factory=list)
+    ended: bool = False
+    _skeleton: Skeleton | None = None
+    _resume_token: str = ""
+    _unconfirmed: dict[int, motion_pb2.ControlInput] = field(default_factory=dict)
+
+    def opening(self) -> motion_pb2.Open:
+        """How to open the stream, or to continue it."""
+        self.outbox.clear()
+        return motion_pb2.Open(
+            session=self.session,
+            after_sequence=self.after_sequence,
+            resume_token=self._resume_token,
+            known_skeleton_id=self._skeleton.id if self._skeleton else "",
+            rotation_encodings=[_ENCODINGS[self.encoding]],
+            pacing=_PACINGS[self.pacing],
+            credit=self.credit,
+            joint_positions=self.joint_positions,
+        )
+
+    def control(self, control: motion_pb2.ControlInput) -> motion_pb2.AnimateRequest:
+        """Numbers a control and keeps it until the server says that it has it."""
+        numbered = motion_pb2.ControlInput()
+        numbered.CopyFrom(control)
+        numbered.control_id = self.counter.next()
+        self._unconfirmed[numbered.control_id] = numbered
+        return motion_pb2.AnimateRequest(control=numbered)
+
+    def receive(self, message: motion_pb2.AnimateResponse) -> Item | None:
+        """Decodes one message; None for one that is newer than this client, or a frame seen before."""
+        match message.WhichOneof("message"):
+            case "header":
+                return self._receive_header(message.header)
+            case "frame":
+                return self._receive_frame(message.frame)
+            case "event":
+                return self._receive_event(message.event)
+            case _:
+                return None
+
+    def _receive_header(self, message: motion_pb2.StreamHeader) -> Header:
+        self.header = Header.from_message(message, known=self._skeleton)
+        self._skeleton = self.header.skeleton
+        self._resume_token = message.resume_token or self._resume_token
+        self._confirm(message.last_control_id)
+        self.counter.at_least(message.last_control_id)
+        self.outbox += [motion_pb2.AnimateRequest(control=c) for _, c in sorted(self._unconfirmed.items())]
+        return self.header
+
+    def _receive_frame(self, message: motion_pb2.Frame) -> Frame | None:
+        if self.header is None:
+            raise WireError("a frame came before the stream's header")
+        if message.sequence <= self.after_sequence:
+            return None
+        self.after_sequence = message.sequence
+        if self.pacing != "burst":
+            credit = 1 if self.pacing == "credit" else 0
+            self.outbox.append(motion_pb2.AnimateRequest(ack=motion_pb2.Ack(sequence=message.sequence, credit=credit)))
+        return Frame.from_message(message, self.header)
+
+    def _receive_event(self, message: motion_pb2.SessionEvent) -> Event:
+        event = Event.from_message(message)
+        if event.type is EventType.CONTROL_APPLIED:
+            self._unconfirmed.pop(event.control_id, None)
+        self.ended = self.ended or event.type is EventType.SESSION_ENDED
+        return event
+
+    def _confirm(self, last_control_id: int) -> None:
+        for control_id in [c for c in self._unconfirmed if c <= last_control_id]:
+            del self._unconfirmed[control_id]
+
+    def take_outbox(self) -> Sequence[motion_pb2.AnimateRequest]:
+        """What must be sent now, once."""
+        waiting, self.outbox = self.outbox, []
+        return waiting
