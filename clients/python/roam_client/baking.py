@@ -59,7 +59,7 @@ class Bake:
         count = len(self.frames)
         self.done = count >= self.max_frames
         if self.goal_reached is None and self._reached_sequence is not None:
-            self.goal_reached = min(count, self._reached_sequence) - 1
+            self.goal_reached = min(count - 1, self._reached_sequence - self.frames[0].sequence)
         if self.goal_reached is None or self.header is None:
             return None
         rate = self.header.frame_rate

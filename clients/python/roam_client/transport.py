@@ -13,7 +13,9 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     ("grpc.enable_retries", 0),
 )
 
-_BROKEN = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.INTERNAL, grpc.StatusCode.UNKNOWN)
+# How gRPC's core words a connection that went away under a call, besides UNAVAILABLE: a reset, or a write that came too
+# late. If it was the server who said no, reopening the stream tells.
+_BROKEN_DETAILS = ("RST_STREAM", "Internal error from Core")
 
 
 def required(address: str | None, service: str) -> str:
@@ -26,9 +28,9 @@ def required(address: str | None, service: str) -> str:
 def breaks_stream(error: grpc.RpcError) -> bool:
     """True when the connection is at fault and the stream may be resumed; false when the server said no."""
     call: Any = error
-    return call.code() is grpc.StatusCode.UNAVAILABLE or (
-        call.code() in _BROKEN and "RST_STREAM" in str(call.details())
-    )
+    if call.code() is grpc.StatusCode.UNAVAILABLE:
+        return True
+    return any(words in str(call.details()) for words in _BROKEN_DETAILS)
 
 
 def resume_delays(seconds: float) -> Iterator[float]:

@@ -1,0 +1,17 @@
+from collections.abc import Iterator
+
+import pytest
+from fake_services import Fake, fake_services
+from roam_client import Client
+
+
+@pytest.fixture
+def fake() -> Iterator[Fake]:
+    with fake_services() as running:
+        yield running
+
+
+@pytest.fixture
+def client(fake: Fake) -> Iterator[Client]:
+    with Client(goalpose=fake.address, motion=fake.address) as connected:
+        yield connected
