@@ -68,7 +68,8 @@ def test_a_client_without_an_address_says_which_one_is_missing():
 
 
 def test_too_short_a_time_is_a_timeout(fake: Fake):
-    with Client(goalpose=fake.address, timeout=1e-9) as client, pytest.raises(RequestTimeoutError, match=fake.address):
+    fake.goal_poses.slow.set()
+    with Client(goalpose=fake.address, timeout=0.1) as client, pytest.raises(RequestTimeoutError, match=fake.address):
         client.reference_poses()
 
 
