@@ -5,22 +5,29 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from goalpose.objects.axes import check_up, up_rotation
-from goalpose.objects.distance import DistanceGrid
 from goalpose.objects.errors import ObjectError
 from goalpose.objects.geometry import Array, Geometry
 from goalpose.objects.limits import Limits
 from goalpose.objects.reading import read_geometry
-from goalpose.objects.sampling import Samples, content_seed, sample_cloud, sample_triangles, triangle_areas
+from goalpose.objects.sampling import (
+    Samples,
+    content_seed,
+    sample_cloud,
+    sample_triangles,
+    shuffled_subset,
+    triangle_areas,
+)
 from goalpose.objects.shape import Shape, ShapeWarning
 from goalpose.objects.units import check_unit, choose_unit
-from goalpose.objects.voxels import choose_pitch, signed_distance
+from goalpose.objects.voxels import Surface, choose_pitch, signed_distance
 
 SAMPLE_COUNT = 20_000
-_DENSE_LEAST, _DENSE_MOST = 40_000, 300_000
-_SAMPLES_PER_CELL = 6.0
+_DENSE_LEAST, _DENSE_MOST = 40_000, 200_000
+_SAMPLES_PER_CELL = 5.0
 _THINNEST = 0.02  # [m] a box thinner than this in two directions is a line, in one a sheet
 
 
@@ -62,13 +69,8 @@ def shape_of(geometry: Geometry, *, unit: str | None = None, up: str | None = No
 
 def _finish(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...]) -> Shape:
     bounds = np.stack([world.vertices.min(axis=0), world.vertices.max(axis=0)])
-    seed = content_seed(world)
-    triangles = world.triangles
-    if world.faces is None:
-        samples = sample_cloud(world.vertices, SAMPLE_COUNT, seed=seed)
-    else:
-        _check_area(triangles)
-        samples = sample_triangles(triangles, SAMPLE_COUNT, seed=seed)
+    pitch = choose_pitch(bounds[1] - bounds[0])
+    samples, surface = _cloud_surface(world) if world.faces is None else _mesh_surface(world, pitch)
     points = samples.points.astype(np.float32)
     return Shape(
         name=_name(points, transform),
@@ -77,34 +79,36 @@ def _finish(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...
         object_to_world=transform,
         floor_height=float(bounds[0, 1]),
         bounds=bounds,
-        distance=_distance(world, triangles, bounds, samples, seed),
+        distance=signed_distance(surface, pitch=pitch, floor=float(bounds[0, 1])),
         mesh=None if world.faces is None else (world.vertices.astype(np.float32), world.faces.astype(np.int32)),
         warnings=warnings,
     )
 
 
-def _distance(world: Geometry, triangles: Array, bounds: Array, samples: Samples, seed: int) -> DistanceGrid:
-    pitch = choose_pitch(bounds[1] - bounds[0])
-    if world.faces is None:
-        points, normals, spacing = _cloud_surface(world.vertices, samples.points)
-    else:
-        area = float(triangle_areas(triangles).sum())
-        count = int(np.clip(area / pitch**2 * _SAMPLES_PER_CELL, _DENSE_LEAST, _DENSE_MOST))
-        dense = sample_triangles(triangles, count, seed=seed)
-        assert dense.normals is not None
-        points, normals, spacing = dense.points, dense.normals, float(np.sqrt(area / count))
-    grid = signed_distance(
-        points.astype(np.float32), normals.astype(np.float32), pitch=pitch, spacing=spacing, floor=float(bounds[0, 1])
-    )
-    return DistanceGrid(grid.origin, grid.pitch, grid.values)
+def _mesh_surface(world: Geometry, pitch: float) -> tuple[Samples, Surface]:
+    """The shape's samples and the denser ones behind its distance grid."""
+    triangles = world.triangles
+    areas = triangle_areas(triangles)
+    area = float(areas.sum())
+    if not area > 1e-6:
+        raise _no_area()
+    seed = content_seed(world)
+    count = int(np.clip(area / pitch**2 * _SAMPLES_PER_CELL, _DENSE_LEAST, _DENSE_MOST))
+    dense = sample_triangles(triangles, areas, count, seed=seed)
+    assert dense.normals is not None
+    surface = Surface(dense.points.astype(np.float32), dense.normals.astype(np.float32), float(np.sqrt(area / count)))
+    return shuffled_subset(dense, SAMPLE_COUNT, seed=seed), surface
 
 
-def _cloud_surface(points: Array, samples: Array) -> tuple[Array, Array, float]:
-    """Points, normals by local planes, and the usual spacing of a point cloud [m]."""
-    distances, neighbours = cKDTree(samples).query(samples, k=min(12, len(samples)))
-    centred = samples[neighbours] - samples[neighbours].mean(axis=1, keepdims=True)
+def _cloud_surface(world: Geometry) -> tuple[Samples, Surface]:
+    """A cloud's own points; for the distance grid with normals by local planes."""
+    samples = sample_cloud(world.vertices, SAMPLE_COUNT, seed=content_seed(world))
+    points = samples.points
+    distances, neighbours = cKDTree(points).query(points, k=12)
+    centred = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
     _, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))
-    return samples, vectors[:, :, 0], float(np.percentile(distances[:, min(4, len(samples) - 1)], 90))
+    spacing = float(np.percentile(np.asarray(distances)[:, 4], 90))
+    return samples, Surface(points.astype(np.float32), vectors[:, :, 0].astype(np.float32), spacing)
 
 
 def _check_thickness(extents: Array) -> None:
@@ -118,17 +122,16 @@ def _check_thickness(extents: Array) -> None:
         )
 
 
-def _check_area(triangles: Array) -> None:
-    if not triangle_areas(triangles).sum() > 1e-6:
-        raise ObjectError(
-            "OBJECT_EMPTY",
-            field="content",
-            message="All triangles are degenerate: the surface has no area.",
-            remedy="Check the object in a 3D program and export it again.",
-        )
+def _no_area() -> ObjectError:
+    return ObjectError(
+        "OBJECT_EMPTY",
+        field="content",
+        message="All triangles are degenerate: the surface has no area.",
+        remedy="Check the object in a 3D program and export it again.",
+    )
 
 
-def _name(points: np.ndarray, transform: Array) -> str:  # type: ignore[type-arg]
+def _name(points: npt.NDArray[np.float32], transform: Array) -> str:
     digest = hashlib.sha256(points.astype("<f4").tobytes())
     digest.update(transform.astype("<f8").tobytes())
     return f"objects/sha256:{digest.hexdigest()}"

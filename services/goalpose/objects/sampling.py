@@ -37,29 +37,36 @@ def content_seed(geometry: Geometry) -> int:
 
 def triangle_areas(triangles: Array) -> Array:
     """Areas `[F]` of triangles `[F, 3, 3]`."""
-    return 0.5 * np.linalg.norm(_area_vectors(triangles), axis=1)
+    vectors = _area_vectors(triangles)
+    return 0.5 * np.sqrt(np.einsum("fi,fi->f", vectors, vectors))
 
 
-def sample_triangles(triangles: Array, count: int, *, seed: int) -> Samples:
-    """`count` points spread by area over triangles `[F, 3, 3]`, in random order.
+def sample_triangles(triangles: Array, areas: Array, count: int, *, seed: int) -> Samples:
+    """`count` points spread by area over triangles `[F, 3, 3]`, in the order of the triangles.
 
     The cumulated area is cut into `count` equal pieces with one point in each, so a triangle's number of points is never
     more than one off its fair share; within triangles the points follow a low-discrepancy sequence.
     """
-    vectors = _area_vectors(triangles)
-    cumulated = np.cumsum(np.linalg.norm(vectors, axis=1))
+    cumulated = np.cumsum(areas)
     rng = np.random.default_rng(seed)
     targets = (np.arange(count) + rng.random(count)) * (cumulated[-1] / count)
     chosen = np.minimum(np.searchsorted(cumulated, targets, side="right"), len(triangles) - 1)
-    order = rng.permutation(count)
-    uv = (rng.random(2) + np.outer(np.arange(count), _R2)) % 1.0
-    folded = uv.sum(axis=1) > 1.0
-    uv[folded] = 1.0 - uv[folded]
-    corner = triangles[chosen]
-    points = corner[:, 0] + uv[:, :1] * (corner[:, 1] - corner[:, 0]) + uv[:, 1:] * (corner[:, 2] - corner[:, 0])
-    normals = vectors[chosen]
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    return Samples(points[order], normals[order])
+    uv = (rng.random(2) + np.arange(count)[:, None] * _R2) % 1.0
+    u, v = uv[:, :1], uv[:, 1:]
+    folded = u + v > 1.0
+    u, v = np.where(folded, 1.0 - u, u), np.where(folded, 1.0 - v, v)
+    corners = triangles[chosen]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normals = np.cross(first, second)
+    normals /= np.maximum(np.sqrt(np.einsum("fi,fi->f", normals, normals)), 1e-30)[:, None]
+    return Samples(corners[:, 0] + u * first + v * second, normals)
+
+
+def shuffled_subset(samples: Samples, count: int, *, seed: int) -> Samples:
+    """`count` of the samples at even steps, in random order: any first n of them are spread by area too."""
+    steps = (np.arange(count) + 0.5) * (len(samples.points) / count)
+    chosen = np.random.default_rng(seed).permutation(steps.astype(np.intp))
+    return Samples(samples.points[chosen], None if samples.normals is None else samples.normals[chosen])
 
 
 def sample_cloud(points: Array, count: int, *, seed: int) -> Samples:
