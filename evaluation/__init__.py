@@ -1,0 +1,1 @@
+"""How good and how fast the services are: benchmarks, and the pictures to look at."""
