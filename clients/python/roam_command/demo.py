@@ -1,0 +1,40 @@
+"""`roam demo [OBJECT]`: both services and a page on which a person sees them work."""
+
+import time
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from roam_command.checkout import DEFAULT_OBJECT, bundled_object
+from roam_command.options import UnitOption, UpOption, checked_object
+from roam_command.reports import reported, stderr
+
+
+def demo(
+    object: Annotated[
+        Path | None, typer.Argument(metavar="[OBJECT]", help="Furniture file (default: a bundled chair).")
+    ] = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 takes a free one.")] = 8088,
+    open_browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = False,
+) -> None:
+    """Show a page: the object, the pose settling on it, the character walking up, live from the services."""
+    with reported(as_json=False):
+        from roam_command.embedded import make_services, running_in_thread
+        from roam_command.page import PageService, Upload
+
+        source = checked_object(object) if object is not None else bundled_object(DEFAULT_OBJECT)
+        services, settings = make_services(host=host, http_port=port, grpc_port=0)
+        stderr.print("loading the models …", style="dim")
+        page = PageService(Upload(source, unit=unit, up=up))
+        with running_in_thread([*services, page], settings) as addresses:
+            typer.echo(f"demo: {addresses.http}/")
+            stderr.print("Ctrl-C ends it.", style="dim")
+            if open_browser:
+                webbrowser.open(addresses.http)
+            while True:
+                time.sleep(3600)

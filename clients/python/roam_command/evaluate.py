@@ -1,0 +1,15 @@
+"""`roam evaluate goalpose|motion`: quality and speed on a folder of objects."""
+
+import typer
+
+from roam_command.delegation import delegate
+
+
+def goalpose(context: typer.Context) -> None:
+    """Goal poses on a folder of furniture: success, penetration, speed (`--help` lists its options)."""
+    delegate("evaluation.goalpose", context.args, name="roam evaluate goalpose")
+
+
+def motion(context: typer.Context) -> None:
+    """Approaches to a folder of furniture: errors, jumps, foot skate, speed (`--help` lists its options)."""
+    delegate("evaluation.motion", context.args, name="roam evaluate motion")

@@ -1,0 +1,40 @@
+"""The command line: names the commands and turns errors into sentences and exit codes."""
+
+import typer
+
+from roam_command import evaluate, train
+from roam_command.demo import demo
+from roam_command.pose import pose
+from roam_command.serve import serve
+from roam_command.sit import sit
+
+app = typer.Typer(
+    name="roam",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    help="A pose that fits a piece of furniture, and a character that walks up and takes it.",
+    epilog="Exit codes: 0 done · 1 failed · 2 wrong usage · 3 no server there · 4 object or request refused · "
+    "130 interrupted. Results go to stdout, progress and warnings to stderr.",
+)
+PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+
+app.command("pose")(pose)
+app.command("sit")(sit)
+app.command("demo")(demo)
+app.command("serve")(serve)
+
+train_app = typer.Typer(no_args_is_help=True, help="Train the networks; every run resumes with --resume.")
+train_app.command("field", context_settings=PASS_ON)(train.field)
+train_app.command("motion", context_settings=PASS_ON)(train.motion)
+app.add_typer(train_app, name="train")
+
+evaluate_app = typer.Typer(no_args_is_help=True, help="Measure quality and speed; results as tables and JSON.")
+evaluate_app.command("goalpose", context_settings=PASS_ON)(evaluate.goalpose)
+evaluate_app.command("motion", context_settings=PASS_ON)(evaluate.motion)
+app.add_typer(evaluate_app, name="evaluate")
+
+
+def main() -> None:
+    """Entry point of the `roam` script."""
+    app()
