@@ -1,0 +1,81 @@
+"""Query point → invariant numbers → activations → occupancy (paper 3.1.1, Ω, and Eq. 3).
+
+The numbers that enter are inner products and distances, hence invariant under rotation and translation of object and query
+together. They come at three reaches: the global frame, and two soft averages over the anchors around the query.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from goalpose.field.config import FieldConfig
+from goalpose.field.latent import Latent
+
+REACHES = (0.03, 0.10)
+"""Initial reach [m] of the soft averages; learned from there."""
+
+
+class Answer(NamedTuple):
+    """What the heads say about a query."""
+
+    logit: Tensor
+    """`[B, Q]` occupancy logit."""
+    distance: Tensor
+    """`[B, Q]` signed distance, in units of 10 cm, saturating."""
+    place: Tensor
+    """`[B, Q, 3]` [m]: distance to the mirror plane, height over the seat, distance to the front of the middle."""
+
+
+class Decoder(nn.Module):
+    """Ω with all its activations exposed."""
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        c = self.config = config
+        self.log_reach = nn.Parameter(torch.log(torch.tensor(REACHES)))
+        self.first = nn.Linear(c.inputs, c.hidden)
+        self.inner = nn.ModuleList(nn.Linear(c.hidden, c.hidden) for _ in range(c.decoder_blocks))
+        self.outer = nn.ModuleList(nn.Linear(c.hidden, c.hidden) for _ in range(c.decoder_blocks))
+        self.heads = nn.Linear(c.hidden, 5)
+        for layer in self.outer:
+            nn.init.zeros_(layer.weight)
+
+    def inputs(self, latent: Latent, queries: Tensor) -> Tensor:
+        """Invariant numbers `[B, Q, inputs]` of queries `[B, Q, 3]` [m, the cloud's frame]."""
+        c, x = self.config, queries - latent.center[:, None]
+        squared = (x * x).sum(-1, keepdim=True)
+        parts = [squared, torch.sqrt(squared + 1e-6), x @ latent.frame]
+        anchors = latent.anchors
+        squares = (anchors * anchors).sum(-1)[:, None] + squared
+        gaps = torch.baddbmm(squares, x, anchors.transpose(1, 2), alpha=-2)
+        distance = torch.sqrt(gaps.clamp_min(0.0) + 1e-4)  # [B, Q, M], rounded off within a centimetre of an anchor
+        reach = torch.exp(self.log_reach)
+        for head in range(c.heads):
+            scores = -distance / reach[head]
+            soft = torch.softmax(scores, -1) @ latent.local[:, head]
+            own, flat, products, place = soft.split([c.local_scalars, 3 * c.local_vectors, c.local_vectors, 3], -1)
+            along = (x[..., None] * flat.unflatten(-1, (3, c.local_vectors))).sum(-2) - products
+            offset = x - place
+            gap = torch.sqrt((offset * offset).sum(-1, keepdim=True) + 1e-4)
+            nearness = -reach[head] * torch.logsumexp(scores, -1, keepdim=True)
+            parts += [nearness, gap, own, along]
+        return torch.cat(parts, -1)
+
+    def activations(self, latent: Latent, queries: Tensor) -> list[Tensor]:
+        """The inputs and every hidden state, in order: `[B, Q, inputs]`, then `[B, Q, hidden]` each."""
+        numbers = self.inputs(latent, queries)
+        state = self.first(numbers) + latent.biases[:, :1]
+        states = [numbers, state]
+        for k, (inner, outer) in enumerate(zip(self.inner, self.outer, strict=True)):
+            hidden = torch.relu(inner(torch.relu(state)) + latent.biases[:, k + 1 : k + 2])
+            state = state + outer(hidden)
+            states.append(state)
+        return states
+
+    def answer(self, latent: Latent, queries: Tensor) -> Answer:
+        """What the object is like at the queries `[B, Q, 3]`."""
+        out = self.heads(torch.relu(self.activations(latent, queries)[-1]))
+        return Answer(out[..., 0], out[..., 1], out[..., 2:])

@@ -1,0 +1,1 @@
+"""Training of the descriptor field. Nothing that serves imports this."""
