@@ -10,7 +10,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from grpc import StatusCode
+from grpc import StatusCode as StatusCode  # services name codes without importing grpc
 
 
 @dataclass(frozen=True)

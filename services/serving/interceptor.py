@@ -1,7 +1,7 @@
 """The gRPC side's counterpart of the HTTP middleware: request ids, errors as rich statuses, metrics, logs."""
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from contextlib import aclosing, contextmanager
 from time import monotonic
 from typing import Any
 
@@ -71,8 +71,9 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
                     if not hasattr(answer, "__aiter__"):  # writes through the context instead of yielding
                         await answer
                         return
-                    async for message in answer:
-                        yield message
+                    async with aclosing(answer):
+                        async for message in answer:
+                            yield message
                 except Exception as error:
                     await _abort(context, error)
 

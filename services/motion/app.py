@@ -1,0 +1,96 @@
+"""Wiring of the motion server: `python -m motion.app`, or `async with motion_server(settings) as addresses`."""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractAsyncContextManager
+
+import grpc
+import torch
+from character.body import body_capsules
+from character.skeleton import humanoid_skeleton
+from fastapi import APIRouter
+from serving.errors import NOT_READY, ServiceError
+from serving.metrics import Metrics
+from serving.readiness import Readiness
+from serving.server import Addresses, running, serve
+from serving.skeletons import skeleton_message
+
+from motion import rpc
+from motion.application import MotionApplication
+from motion.http import motion_router
+from motion.settings import MotionSettings
+from motion.step import Animator
+from motion.websocket import websocket_router
+
+
+class MotionService:
+    """The motion service as `serving` runs it; implements serving.service.Service."""
+
+    name = "motion"
+
+    def __init__(self, settings: MotionSettings) -> None:
+        self._settings = settings
+        self._application: MotionApplication | None = None
+        self._models: dict[str, str] = {}
+        skeleton = humanoid_skeleton()
+        self.skeletons = [skeleton_message(skeleton, body_capsules(skeleton))]
+
+    @property
+    def models(self) -> Mapping[str, str]:
+        """The network's name and hash."""
+        return self._models
+
+    @property
+    def limits(self) -> Mapping[str, int]:
+        """Limits that clients plan with."""
+        return {"max_sessions": self._settings.max_sessions, "ring_frames": self._settings.ring_frames}
+
+    async def load(self, metrics: Metrics, readiness: Readiness) -> None:
+        """Loads the network and starts the ticker."""
+        torch.set_num_threads(self._settings.torch_threads)
+        animator = await asyncio.to_thread(Animator.load, self._settings.motion_weights)
+        self._models = {"motion": animator.weights_hash}
+        self._application = MotionApplication(animator, self.skeletons[0].skeleton, self._settings, metrics.registry)
+        self._application.start()
+
+    def router(self) -> APIRouter:
+        """HTTP and WebSocket routes."""
+        router = APIRouter()
+        router.include_router(motion_router(self._loaded))
+        router.include_router(websocket_router(self._loaded))
+        return router
+
+    def add_to(self, server: grpc.aio.Server) -> Sequence[str]:
+        """The gRPC service."""
+        return rpc.add_to(server, self._loaded)
+
+    async def drain(self) -> None:
+        """Tells connected readers."""
+        if self._application is not None:
+            self._application.drain()
+
+    async def close(self) -> None:
+        """Stops the ticker."""
+        if self._application is not None:
+            await self._application.close()
+
+    def _loaded(self) -> MotionApplication:
+        if self._application is None:
+            raise ServiceError(NOT_READY, "the motion model is loading", retry_after=1.0)
+        return self._application
+
+
+def motion_server(settings: MotionSettings | None = None) -> AbstractAsyncContextManager[Addresses]:
+    """The motion server inside this event loop, ready; addresses as the context's value."""
+    settings = settings or MotionSettings()
+    return running([MotionService(settings)], settings)
+
+
+def main() -> None:
+    """`python -m motion.app`; see --help."""
+    settings = MotionSettings(_cli_parse_args=True, _cli_prog_name="python -m motion.app")
+    serve([MotionService(settings)], settings)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,172 @@
+"""Between the protocol's messages and this service's own types."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+from character.pose import Pose
+from character.skeleton import Skeleton
+from character.wire import pack_float32, pack_snorm16, unpack_float32
+from google.protobuf.timestamp_pb2 import Timestamp
+from roam.v1 import motion_pb2, skeleton_pb2
+from serving.errors import INVALID_ARGUMENT, ServiceError
+from serving.skeletons import SKELETON_NOT_FOUND
+
+from motion.errors import GOAL_INVALID
+from motion.sessions import ControlChange, FrameRecord, Session
+from motion.state import FRAME_RATE
+from motion.step import Goal, Idle, Steer
+from motion.stream import StreamOptions, StreamStart
+
+CONTACTS = ("leftFoot", "leftToes", "rightFoot", "rightToes")
+ACTIONS = ("idle", "walk", "sit", "lie")  # Action's value - 1
+_FASTEST = 10.0  # [m/s]; anything above is a unit error
+
+
+def timestamp(seconds: float) -> Timestamp:
+    """Seconds since 1970 as a message."""
+    message = Timestamp()
+    message.FromDatetime(datetime.fromtimestamp(seconds, UTC))
+    return message
+
+
+def session_message(session: Session) -> motion_pb2.Session:
+    """What GetSession tells."""
+    return motion_pb2.Session(
+        name=session.name,
+        skeleton_id=session.skeleton.id,
+        create_time=timestamp(session.create_time),
+        expire_time=timestamp(session.expire_time),
+        last_sequence=session.sequence,
+        frame_rate=FRAME_RATE,
+        floor_height=session.floor_height,
+        stream_count=len(session.streams),
+    )
+
+
+def header_message(
+    session: Session, options: StreamOptions, start: StreamStart, skeleton: skeleton_pb2.Skeleton
+) -> motion_pb2.StreamHeader:
+    """The first message of a stream; the skeleton shrinks to its id when the reader has it."""
+    if options.known_skeleton_id == skeleton.id:
+        skeleton = skeleton_pb2.Skeleton(id=skeleton.id)
+    return motion_pb2.StreamHeader(
+        session=session.name,
+        skeleton=skeleton,
+        rotation_encoding=options.encoding,  # type: ignore[arg-type]  # an enum's number
+        frame_rate=FRAME_RATE,
+        first_sequence=start.first_sequence,
+        discontinuity=start.discontinuity,
+        contact_joints=[session.skeleton.index(name) for name in CONTACTS],
+        resume_token=session.resume_token,
+        last_control_id=session.last_control_id,
+        exact=True,
+        pacing=options.pacing,  # type: ignore[arg-type]
+    )
+
+
+def frame_message(record: FrameRecord, session: Session, options: StreamOptions) -> motion_pb2.Frame:
+    """A frame packed as the stream wants it; packed once for all readers that want the same."""
+    key = (options.encoding, options.joint_positions)
+    if key not in record.packed:
+        record.packed[key] = _pack_frame(record, session, options)
+    return record.packed[key]
+
+
+def _pack_frame(record: FrameRecord, session: Session, options: StreamOptions) -> motion_pb2.Frame:
+    data = record.data
+    floor = np.array([0, session.floor_height, 0], np.float32)
+    snorm16 = options.encoding == motion_pb2.ROTATION_ENCODING_SNORM16
+    contacts = sum(1 << bit for bit, touching in enumerate(data.contacts) if touching)
+    frame = motion_pb2.Frame(
+        sequence=record.sequence,
+        time=record.sequence / FRAME_RATE,
+        root=pack_float32(np.concatenate([data.root_position + floor, data.rotations[0]])),
+        rotations=pack_snorm16(data.rotations) if snorm16 else pack_float32(data.rotations),
+        contacts=contacts,
+        action=ACTIONS.index(data.action) + 1,  # type: ignore[arg-type]
+        goal_distance=data.goal_distance,
+    )
+    if options.joint_positions:
+        frame.joint_positions = pack_float32(data.positions + floor)
+    return frame
+
+
+def pose_of(message: skeleton_pb2.Pose, skeleton: Skeleton, *, field: str) -> Pose:
+    """A pose of `skeleton`; GOAL_INVALID or SKELETON_NOT_FOUND when the bytes do not fit it."""
+    if message.skeleton_id not in ("", skeleton.id):
+        detail = f"the session animates {skeleton.id}, the pose is of {message.skeleton_id}"
+        raise ServiceError(SKELETON_NOT_FOUND, detail, field=f"{field}.skeleton_id")
+    try:
+        position = unpack_float32(message.root_position, (3,))
+        rotations = unpack_float32(message.rotations, (skeleton.joint_count, 4))
+        pose = Pose(skeleton, position, rotations)
+    except ValueError as error:
+        raise ServiceError(GOAL_INVALID, f"{field}: {error}", field=field) from error
+    lengths = np.linalg.norm(rotations, axis=-1, keepdims=True)
+    if np.abs(lengths - 1).max() > 0.01:
+        raise ServiceError(GOAL_INVALID, f"{field}.rotations are not unit quaternions", field=f"{field}.rotations")
+    return Pose(skeleton, pose.root_position, (rotations / lengths).astype(np.float32))
+
+
+def control_change(message: motion_pb2.ControlInput, session: Session) -> ControlChange:
+    """What a control asks for, checked."""
+    kind = message.WhichOneof("input")
+    if kind == "steer":
+        return ControlChange(intent=_steer(message.steer))
+    if kind == "goal":
+        return ControlChange(intent=_goal(message.goal, session), goal_name=message.goal.goal_pose)
+    if kind == "playback":
+        return ControlChange(paused=message.playback.paused)
+    raise ServiceError(INVALID_ARGUMENT, "a control needs one of steer, goal or playback", field="control.input")
+
+
+def _steer(message: motion_pb2.Steer) -> Steer | Idle:
+    velocity = np.array([message.velocity_x, message.velocity_z], np.float32)
+    facing = message.facing if message.HasField("facing") else None
+    if not np.isfinite(velocity).all() or np.linalg.norm(velocity) > _FASTEST:
+        detail = f"velocity must be finite and at most {_FASTEST:g} m/s"
+        raise ServiceError(INVALID_ARGUMENT, detail, field="control.steer.velocity_x")
+    if facing is not None and not np.isfinite(facing):
+        raise ServiceError(INVALID_ARGUMENT, "facing must be finite", field="control.steer.facing")
+    if message.action not in (
+        skeleton_pb2.ACTION_UNSPECIFIED,
+        skeleton_pb2.ACTION_IDLE,
+        skeleton_pb2.ACTION_WALK,
+    ):
+        detail = "steering can ask for IDLE or WALK; send a goal to sit or lie"
+        raise ServiceError(INVALID_ARGUMENT, detail, field="control.steer.action")
+    still = not velocity.any() and facing is None
+    if message.action == skeleton_pb2.ACTION_IDLE or still:
+        return Idle()
+    return Steer(velocity, facing, "walk")
+
+
+def _goal(message: motion_pb2.Goal, session: Session) -> Goal:
+    if message.action not in (skeleton_pb2.ACTION_SIT, skeleton_pb2.ACTION_LIE):
+        raise ServiceError(GOAL_INVALID, "action must be SIT or LIE", field="control.goal.action")
+    if not message.HasField("pose"):
+        detail = "pose is missing; names of goal poses are not looked up, send the pose itself"
+        raise ServiceError(GOAL_INVALID, detail, field="control.goal.pose")
+    pose = pose_of(message.pose, session.skeleton, field="control.goal.pose")
+    down = np.array([0, -session.floor_height, 0], np.float32)
+    return Goal(pose.moved(down), ACTIONS[message.action - 1])
+
+
+def stream_options(message: motion_pb2.Open, *, burst_frames: int, ack_window: int) -> StreamOptions:
+    """The stream's options; the first encoding that this server knows is taken."""
+    known = (motion_pb2.ROTATION_ENCODING_FLOAT32, motion_pb2.ROTATION_ENCODING_SNORM16)
+    encoding = next((e for e in message.rotation_encodings if e in known), motion_pb2.ROTATION_ENCODING_FLOAT32)
+    pacing = message.pacing or motion_pb2.PACING_REALTIME
+    if pacing not in motion_pb2.Pacing.values():
+        raise ServiceError(INVALID_ARGUMENT, f"pacing {pacing} is not known", field="open.pacing")
+    return StreamOptions(
+        pacing=pacing,
+        after_sequence=message.after_sequence,
+        resume_token=message.resume_token,
+        encoding=encoding,
+        known_skeleton_id=message.known_skeleton_id,
+        credit=message.credit,
+        joint_positions=message.joint_positions,
+        burst_frames=burst_frames,
+        ack_window=ack_window,
+    )

@@ -1,0 +1,17 @@
+"""Settings of the motion server."""
+
+from pydantic import Field
+from serving.settings import ServerSettings
+
+
+class MotionSettings(ServerSettings):
+    """What `python -m motion.app` takes besides the addresses."""
+
+    max_sessions: int = Field(256, ge=1, description="most sessions alive at once")
+    idle_timeout: float = Field(60.0, gt=0, description="a session without a client is kept this long by default [s]")
+    max_idle_timeout: float = Field(3600.0, gt=0, description="longest idle timeout a client may ask for [s]")
+    ring_frames: int = Field(900, ge=2, description="frames kept per session, for clients that come back")
+    burst_frames: int = Field(60, ge=1, description="how far a BURST stream is computed ahead of its reader [frames]")
+    ack_window: int = Field(30, ge=1, description="unacknowledged frames that a client which acknowledges may have")
+    motion_weights: str = Field("", description="weights of the network; empty: the shipped ones")
+    goal_tolerance: float = Field(0.05, gt=0, description="mean joint distance at which a goal counts as reached [m]")

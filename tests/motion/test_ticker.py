@@ -1,0 +1,110 @@
+"""One batched step for all sessions that are due; one bad session does not stop the others."""
+
+import asyncio
+import threading
+
+import pytest
+from motion.application import MotionApplication
+from motion.sessions import FrameRecord
+from motion.settings import MotionSettings
+from prometheus_client import CollectorRegistry
+from roam.v1 import motion_pb2, skeleton_pb2
+from walker import Walker
+
+
+@pytest.fixture
+def walker():
+    return Walker()
+
+
+@pytest.fixture
+async def application(walker):
+    application = MotionApplication(
+        walker, skeleton_pb2.Skeleton(id="s"), MotionSettings(burst_frames=4), CollectorRegistry()
+    )
+    yield application
+    await application.close()
+
+
+def create(application, **fields):
+    return application.create_session(motion_pb2.CreateSessionRequest(**fields))
+
+
+def burst(session):
+    return motion_pb2.Open(session=session.name, pacing=motion_pb2.PACING_BURST)
+
+
+async def frames(stream, count):
+    taken = []
+    async for item in stream:
+        if isinstance(item, FrameRecord):
+            taken.append(item)
+            if len(taken) == count:
+                return taken
+    return taken
+
+
+async def test_sessions_that_are_due_share_one_batch(application, walker):
+    sessions = [create(application, seed=seed) for seed in range(5)]
+    await application.ticker.step(sessions)
+    assert walker.batches == [5]
+    assert [session.sequence for session in sessions] == [1] * 5
+
+
+async def test_the_running_ticker_feeds_many_readers(application, walker):
+    sessions = [create(application) for _ in range(6)]
+    application.start()
+
+    async def read(session):
+        with application.stream(burst(session)) as stream:
+            return [record.sequence for record in await frames(stream, 20)]
+
+    for sequences in await asyncio.gather(*(read(session) for session in sessions)):
+        assert sequences == list(range(1, 21))
+    assert max(walker.batches) > 1
+
+
+async def test_realtime_ticks_by_itself(application):
+    session = create(application)
+    application.start()
+    with application.stream(motion_pb2.Open(session=session.name)) as stream:
+        taken = await frames(stream, 3)
+    assert taken[0].sequence == 1
+    assert [record.sequence for record in taken] == sorted({record.sequence for record in taken})
+
+
+async def test_a_failing_session_ends_alone(application, walker):
+    walker.poisoned_seed = 13
+    good, bad = create(application, seed=1), create(application, seed=13)
+    with application.stream(burst(bad)) as stream:
+        await anext(stream)
+        await application.ticker.step([good, bad])
+        event = await anext(stream)
+    assert event.type == motion_pb2.EVENT_TYPE_SESSION_ENDED
+    assert "ArithmeticError" in event.message
+    assert good.sequence == 1
+    assert [session.name for session in application.sessions] == [good.name]
+
+
+async def test_a_session_deleted_during_its_step_stays_deleted(application, walker):
+    walker.gate = threading.Event()
+    session = create(application)
+    stepping = asyncio.create_task(application.ticker.step([session]))
+    await asyncio.sleep(0)
+    application.delete_session(session.name)
+    walker.gate.set()
+    await stepping
+    assert session.sequence == 0
+
+
+async def test_frames_do_not_depend_on_who_else_is_stepped(application):
+    alone, together = create(application, seed=1), create(application, seed=1)
+    steer = motion_pb2.ControlInput(control_id=1, steer=motion_pb2.Steer(velocity_x=1, velocity_z=0.5))
+    for session in (alone, together):
+        application.control(session.name, steer)
+    others = [create(application, seed=seed) for seed in range(2, 6)]
+    for _ in range(5):
+        await application.ticker.step([alone])
+        await application.ticker.step([*others, together])
+    for one, two in zip(alone.ring, together.ring, strict=True):
+        assert one.data.root_position.tobytes() == two.data.root_position.tobytes()
