@@ -1,0 +1,70 @@
+"""E_a: joint angles within the limits seen in motion capture, relaxed by 10 degrees (paper Eq. 7 and 8, supplement C).
+
+The paper bounds Euler angles, whose flips leave some joints free (METHOD-NOTES 9); here each joint's rotation is split into
+a twist about its bone and a swing across it, R = swing * twist, and each of the three angles has its bounds.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import torch
+from character.rotation import quat_inv, quat_mul, quat_to_rotvec
+from character.skeleton import Skeleton
+from torch import Tensor
+
+from goalpose.energy.figure import Figure
+
+LIMITS_FILE = Path(__file__).parent / "angle_limits.json"
+RELAXATION = 0.1745  # 10 degrees [rad], supplement C
+
+
+@dataclass(frozen=True, eq=False)
+class AngleLimits:
+    """Bounds of the joints that have any."""
+
+    joint: Tensor  # [K]
+    axis: Tensor  # [K] 0, 1, 2: the coordinate axis along the bone, about which it twists
+    low: Tensor  # [K, 3] [rad] rotation-vector components of the swing; twist in place of the bone's axis
+    high: Tensor  # [K, 3] [rad]
+
+
+def bone_axis(skeleton: Skeleton, joint: int) -> int:
+    """The coordinate axis that a joint's bone follows in the rest pose: 0, 1 or 2."""
+    children = [c for c, p in enumerate(skeleton.parents) if p == joint]
+    tips = [torch.tensor(t.offset) for t in skeleton.tips if t.parent == joint]
+    offsets = [torch.as_tensor(skeleton.rest_offsets[c]).float() for c in children] or tips
+    if not offsets or skeleton.humanoid_bones[joint].endswith("Foot"):
+        return 1  # a foot turns about the shank's axis
+    return int(torch.stack(offsets).mean(0).abs().argmax())
+
+
+def swing_twist(rotations: Tensor, axis: Tensor) -> Tensor:
+    """Angles of local rotations [..., K, 4] about bone axes [K] -> [..., K, 3] [rad]: the twist at the bone's axis, else swing."""
+    along = torch.nn.functional.one_hot(axis, 3).to(rotations)
+    part = (rotations[..., :3] * along).sum(-1, keepdim=True)
+    twist = torch.cat([part * along, rotations[..., 3:]], dim=-1)
+    twist = twist / (twist.square().sum(-1, keepdim=True) + 1e-12).sqrt()
+    swing = quat_to_rotvec(quat_mul(rotations, quat_inv(twist)))
+    return swing * (1 - along) + quat_to_rotvec(twist)
+
+
+@cache
+def load_limits(skeleton: Skeleton) -> AngleLimits:
+    """The shipped limits for the humanoid bones that a skeleton has."""
+    table = json.loads(LIMITS_FILE.read_text())["bones"]
+    rows = [(j, bone_axis(skeleton, j), table[b]) for j, b in enumerate(skeleton.humanoid_bones) if b in table]
+    return AngleLimits(
+        torch.tensor([j for j, _, _ in rows]),
+        torch.tensor([a for _, a, _ in rows]),
+        torch.tensor([r["low"] for _, _, r in rows]) - RELAXATION,
+        torch.tensor([r["high"] for _, _, r in rows]) + RELAXATION,
+    )
+
+
+def angle_limit_energy(figure: Figure, limits: AngleLimits) -> Tensor:
+    """E_a = mean_j sum of squared excess over the three bounds of joint j. -> [B] [rad^2]."""
+    angles = swing_twist(figure.rotations[:, limits.joint], limits.axis)
+    excess = (angles - limits.high).clamp(min=0.0) + (limits.low - angles).clamp(min=0.0)
+    return excess.square().sum(-1).mean(-1)

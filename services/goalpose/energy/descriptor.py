@@ -1,0 +1,96 @@
+"""E_d: the skeletal pose descriptor of the target matches the reference's (paper section 3.1.2 and Eq. 3.1.3)."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import torch
+from character.skeleton import Skeleton
+from torch import Tensor
+
+from goalpose.energy.figure import Figure
+
+LIMBS = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
+
+
+class DescriptorField(Protocol):
+    """Psi of the paper: point descriptors around an encoded object, for any rotation of it."""
+
+    def encode(self, points: Tensor) -> Any:
+        """Surface points [B, N, 3] [m] -> latent codes."""
+        ...
+
+    def descriptor(self, latent: Any, x: Tensor) -> Tensor:
+        """Queries [B, Q, 3] [m] -> unit descriptors [B, Q, D], differentiable in x."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """P query points fixed to joints: Gaussian clouds at C centres (joints and limb midpoints), point-major by centre."""
+
+    joint: Tensor  # [P]
+    offset: Tensor  # [P, 3] in the joint's frame [m]
+    centre: Tensor  # [P] which centre a point belongs to
+    knee: Tensor  # [P] bool: belongs to a knee, which weighs more in the rigid stage (supplement C)
+
+    @property
+    def count(self) -> int:
+        """P."""
+        return len(self.joint)
+
+    def thinned(self, samples: int) -> Tensor:
+        """Indices of the first `samples` points of every centre."""
+        rank = torch.zeros_like(self.centre)
+        seen: dict[int, int] = {}
+        for i, c in enumerate(self.centre.tolist()):
+            rank[i] = seen.get(c, 0)
+            seen[c] = seen.get(c, 0) + 1
+        return torch.nonzero(rank < samples)[:, 0]
+
+
+def make_probes(skeleton: Skeleton, *, samples: int, sigma: float = 0.025, seed: int = 0) -> Probes:
+    """Clouds of `samples` points, x ~ N(centre, sigma [m]), paper Eq. 5; one draw serves all centres and both objects.
+
+    The clouds turn with their joints (the paper's keep the world's axes), so that turning object and pose together
+    changes nothing. The first point of every cloud is its centre.
+    """
+    centres = _centres(skeleton)
+    random = torch.Generator().manual_seed(seed)
+    cloud = sigma * torch.randn(samples, 3, generator=random)
+    cloud[0] = 0.0
+    joint = torch.tensor([j for j, _ in centres]).repeat_interleave(samples)
+    offset = torch.stack([o for _, o in centres])[:, None] + cloud
+    knees = [name.endswith("LowerLeg") for name in skeleton.humanoid_bones]
+    at_joint = torch.tensor([bool(o.abs().sum() == 0) and knees[j] for j, o in centres])
+    return Probes(
+        joint, offset.reshape(-1, 3), torch.arange(len(centres)).repeat_interleave(samples), at_joint.repeat_interleave(samples)
+    )
+
+
+def _centres(skeleton: Skeleton) -> list[tuple[int, Tensor]]:
+    """All joints, then the eight virtual joints at the middle of the limbs (supplement C)."""
+    centres = [(j, torch.zeros(3)) for j in range(skeleton.joint_count)]
+    for j, bone in enumerate(skeleton.humanoid_bones):
+        if bone.endswith(LIMBS):
+            child = next(c for c, p in enumerate(skeleton.parents) if p == j)
+            centres.append((j, torch.as_tensor(skeleton.rest_offsets[child]).float() / 2))
+    return centres
+
+
+def pose_descriptor(field: DescriptorField, latent: Any, figure: Figure, probes: Probes, chosen: Tensor | None = None) -> Tensor:
+    """Z(O, P), paper Eq. 4 and 5: descriptors at the probes of every pose. -> [B, P, D]."""
+    joint, offset = (probes.joint, probes.offset) if chosen is None else (probes.joint[chosen], probes.offset[chosen])
+    points = figure.attached(joint, offset)
+    batch, count, _ = points.shape
+    values = field.descriptor(latent, points.reshape(1, batch * count, 3))
+    return values.reshape(batch, count, -1)
+
+
+def descriptor_energy(values: Tensor, reference: Tensor, weight: Tensor) -> Tensor:
+    """E_d = sum_p w_p |Z'_p - Z_p|_1 / sqrt(D). -> [B].
+
+    `values` [B, P, D], `reference` [P, D], `weight` [P] summing to 1 (paper: omega_j / number of joints). Division by sqrt(D)
+    instead of D keeps the term of the order of the descriptors' angle whatever the field's size.
+    """
+    residual = (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5
+    return (residual * weight).sum(-1)

@@ -1,0 +1,53 @@
+"""A batch of candidate poses after forward kinematics: what every energy term looks at."""
+
+from dataclasses import dataclass
+
+import torch
+from character.kinematics import forward_kinematics
+from character.rotation import quat_rotate
+from character.skeleton import Skeleton
+from torch import Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """B poses of one skeleton in world space."""
+
+    skeleton: Skeleton
+    root_position: Tensor  # [B, 3] [m]
+    rotations: Tensor  # [B, J, 4] xyzw, local
+    positions: Tensor  # [B, J, 3] world [m]
+    orientations: Tensor  # [B, J, 4] xyzw, world
+
+    def attached(self, joints: Tensor, offsets: Tensor) -> Tensor:
+        """World positions of points fixed to joints. `joints` [P], `offsets` [P, 3] (joint frame) -> [B, P, 3] [m]."""
+        return self.positions[:, joints] + quat_rotate(self.orientations[:, joints], offsets)
+
+    def __len__(self) -> int:
+        return self.root_position.shape[0]
+
+    def __getitem__(self, index: Tensor | slice) -> "Figure":
+        return Figure(
+            self.skeleton,
+            self.root_position[index],
+            self.rotations[index],
+            self.positions[index],
+            self.orientations[index],
+        )
+
+
+def figure_from_pose(skeleton: Skeleton, root_position: Tensor, rotations: Tensor) -> Figure:
+    """Forward kinematics F(P), paper Eq. 4. `root_position` [B, 3], `rotations` [B, J, 4]."""
+    positions, orientations = forward_kinematics(skeleton, root_position, rotations)
+    return Figure(skeleton, root_position, rotations, positions, orientations)
+
+
+def figure_concat(figures: list[Figure]) -> Figure:
+    """Several batches of one skeleton as one batch."""
+    return Figure(
+        figures[0].skeleton,
+        torch.cat([f.root_position for f in figures]),
+        torch.cat([f.rotations for f in figures]),
+        torch.cat([f.positions for f in figures]),
+        torch.cat([f.orientations for f in figures]),
+    )
