@@ -119,7 +119,9 @@ def render(
 VIEWS = {"three-quarter": (0.7, 0.35), "side": (np.pi / 2, 0.05), "front": (0.0, 0.12)}
 
 
-def scene_views(splats: list[Splats], *, size: int = 260, views: dict[str, tuple[float, float]] | None = None) -> Pixels:
+def scene_views(
+    splats: list[Splats], *, size: int = 260, views: dict[str, tuple[float, float]] | None = None
+) -> Pixels:
     """The views side by side, framed on the whole scene. -> [size, size * views, 3]."""
     points = np.concatenate([s.points for s in splats])
     low, high = points.min(0), points.max(0)
@@ -127,7 +129,8 @@ def scene_views(splats: list[Splats], *, size: int = 260, views: dict[str, tuple
     center = (low + high) / 2
     chosen = VIEWS if views is None else views
     return np.concatenate(
-        [render(splats, azimuth=a, elevation=e, size=size, span=span, center=center) for a, e in chosen.values()], axis=1
+        [render(splats, azimuth=a, elevation=e, size=size, span=span, center=center) for a, e in chosen.values()],
+        axis=1,
     )
 
 

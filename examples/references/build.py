@@ -42,8 +42,16 @@ class Pair:
 
 
 def sitting(
-    *, seat: float, hip_z: float, lean: float, upright: float, knee: float, spread: float, wrists: LimbGoal,
-    ankle: float = ANKLE, hip_above: float = BUTTOCK,
+    *,
+    seat: float,
+    hip_z: float,
+    lean: float,
+    upright: float,
+    knee: float,
+    spread: float,
+    wrists: LimbGoal,
+    ankle: float = ANKLE,
+    hip_above: float = BUTTOCK,
 ) -> Pose:
     """A person on a seat of height `seat` [m], pelvis leaning back by `lean` degrees, the trunk coming up by `upright`.
 
@@ -53,7 +61,14 @@ def sitting(
     root = (0.0, seat + hip_above + PELVIS * np.cos(tilt), hip_z - PELVIS * np.sin(tilt))
     step = upright / 3
     level = lean - upright  # what is left for the neck to bring the eyes to the horizon
-    pitches = {"hips": -lean, "spine": step, "chest": step, "upperChest": step, "neck": 0.75 * level, "head": 0.15 * level}
+    pitches = {
+        "hips": -lean,
+        "spine": step,
+        "chest": step,
+        "upperChest": step,
+        "neck": 0.75 * level,
+        "head": 0.15 * level,
+    }
     legs = LimbGoal(end=(spread, ankle, hip_z + knee), pole=(0.05, 0.5, 1.0), direction=(0.13, 0.0, 1.0))
     return author_pose(humanoid_skeleton(), root=root, facing=UPRIGHT, pitches=pitches, arms=wrists, legs=legs)
 
@@ -61,63 +76,146 @@ def sitting(
 def hands_on_thighs(seat: float, hip_z: float, *, along: float = 0.20, out: float = 0.125) -> LimbGoal:
     """Wrists above the thighs, `along` [m] in front of the hip joints, fingers forward and a little inward."""
     return LimbGoal(
-        end=(out, seat + 0.178, hip_z + along), pole=(0.55, -0.2, -1.0), direction=(-0.22, -0.20, 1.0), normal=(0.25, 1.0, 0.1)
+        end=(out, seat + 0.178, hip_z + along),
+        pole=(0.55, -0.2, -1.0),
+        direction=(-0.22, -0.20, 1.0),
+        normal=(0.25, 1.0, 0.1),
     )
 
 
 def arms_on_rests(rest: float, half: float, hip_z: float, *, along: float = 0.19) -> LimbGoal:
     """Forearms on armrests of height `rest` [m] at x = +-`half` [m]."""
     return LimbGoal(
-        end=(half, rest + 0.036, hip_z + along), pole=(0.5, -0.6, -1.0), direction=(-0.12, -0.06, 1.0), normal=(0.1, 1.0, 0.05)
+        end=(half, rest + 0.036, hip_z + along),
+        pole=(0.5, -0.6, -1.0),
+        direction=(-0.12, -0.06, 1.0),
+        normal=(0.1, 1.0, 0.05),
     )
 
 
 def chair_sit() -> Pair:
-    pose = sitting(seat=0.45, hip_z=-0.115, lean=15, upright=6, knee=0.435, spread=0.125, wrists=hands_on_thighs(0.45, -0.115))
-    return Pair("chair_sit", "Sitting on a dining chair, hands on the thighs", "sit", ("chair",), pose, dining_chair(seat=0.45, foot=-0.207, lean=12.5))
+    pose = sitting(
+        seat=0.45, hip_z=-0.115, lean=15, upright=6, knee=0.435, spread=0.125, wrists=hands_on_thighs(0.45, -0.115)
+    )
+    return Pair(
+        "chair_sit",
+        "Sitting on a dining chair, hands on the thighs",
+        "sit",
+        ("chair",),
+        pose,
+        dining_chair(seat=0.45, foot=-0.207, lean=12.5),
+    )
 
 
 def chair_arms() -> Pair:
-    pose = sitting(seat=0.45, hip_z=-0.105, lean=17, upright=6, knee=0.44, spread=0.13, wrists=arms_on_rests(0.655, 0.265, -0.105))
+    pose = sitting(
+        seat=0.45, hip_z=-0.105, lean=17, upright=6, knee=0.44, spread=0.13, wrists=arms_on_rests(0.655, 0.265, -0.105)
+    )
     furniture = open_armchair(seat=0.45, foot=-0.2, lean=14, arm_half=0.265, arm_height=0.655)
-    return Pair("armchair_sit", "Sitting in a wooden armchair, forearms on the rests", "sit", ("armchair",), pose, furniture)
+    return Pair(
+        "armchair_sit", "Sitting in a wooden armchair, forearms on the rests", "sit", ("armchair",), pose, furniture
+    )
 
 
 def sofa_sit() -> Pair:
-    pose = sitting(seat=0.41, hip_z=-0.16, lean=26, upright=9, knee=0.50, spread=0.15, wrists=hands_on_thighs(0.41, -0.16, along=0.17, out=0.14))
+    pose = sitting(
+        seat=0.41,
+        hip_z=-0.16,
+        lean=26,
+        upright=9,
+        knee=0.50,
+        spread=0.15,
+        wrists=hands_on_thighs(0.41, -0.16, along=0.17, out=0.14),
+    )
     furniture = sofa(seat=0.41, foot=-0.262, lean=20, half_width=0.95, arm=0.18, arm_height=0.60, front=0.23)
     return Pair("sofa_sit", "Sitting in the middle of a sofa, leaning back", "sit", ("sofa",), pose, furniture)
 
 
 def lounge_sit() -> Pair:
-    pose = sitting(seat=0.40, hip_z=-0.14, lean=26, upright=8, knee=0.50, spread=0.14, wrists=arms_on_rests(0.585, 0.325, -0.14, along=0.17))
+    pose = sitting(
+        seat=0.40,
+        hip_z=-0.14,
+        lean=26,
+        upright=8,
+        knee=0.50,
+        spread=0.14,
+        wrists=arms_on_rests(0.585, 0.325, -0.14, along=0.17),
+    )
     furniture = armchair(seat=0.40, foot=-0.242, lean=20, inner=0.265, arm=0.15, arm_height=0.585, front=0.265)
-    return Pair("lounge_sit", "Sitting in an upholstered armchair, arms on the rests", "sit", ("armchair",), pose, furniture)
+    return Pair(
+        "lounge_sit", "Sitting in an upholstered armchair, arms on the rests", "sit", ("armchair",), pose, furniture
+    )
 
 
 def office_sit() -> Pair:
-    pose = sitting(seat=0.46, hip_z=-0.115, lean=15, upright=7, knee=0.42, spread=0.14, wrists=arms_on_rests(0.67, 0.30, -0.115))
+    pose = sitting(
+        seat=0.46, hip_z=-0.115, lean=15, upright=7, knee=0.42, spread=0.14, wrists=arms_on_rests(0.67, 0.30, -0.115)
+    )
     furniture = office_chair(seat=0.46, foot=-0.21, lean=12.5, arm_height=0.67)
-    return Pair("office_sit", "Sitting on an office chair, forearms on the rests", "sit", ("officechair",), pose, furniture)
+    return Pair(
+        "office_sit", "Sitting on an office chair, forearms on the rests", "sit", ("officechair",), pose, furniture
+    )
 
 
 def stool_sit() -> Pair:
-    pose = sitting(seat=0.45, hip_z=-0.03, lean=6, upright=-2, knee=0.40, spread=0.13, wrists=hands_on_thighs(0.45, -0.03, along=0.24))
+    pose = sitting(
+        seat=0.45,
+        hip_z=-0.03,
+        lean=6,
+        upright=-2,
+        knee=0.40,
+        spread=0.13,
+        wrists=hands_on_thighs(0.45, -0.03, along=0.24),
+    )
     return Pair("stool_sit", "Sitting upright on a stool", "sit", ("stool",), pose, stool(seat=0.45, half=0.18))
 
 
 def bench_sit() -> Pair:
-    pose = sitting(seat=0.45, hip_z=-0.03, lean=8, upright=-3, knee=0.42, spread=0.13, wrists=hands_on_thighs(0.45, -0.03, along=0.24))
-    return Pair("bench_sit", "Sitting on a bench without a back", "sit", ("bench",), pose, bench(seat=0.45, half_width=0.65, depth=0.34))
+    pose = sitting(
+        seat=0.45,
+        hip_z=-0.03,
+        lean=8,
+        upright=-3,
+        knee=0.42,
+        spread=0.13,
+        wrists=hands_on_thighs(0.45, -0.03, along=0.24),
+    )
+    return Pair(
+        "bench_sit",
+        "Sitting on a bench without a back",
+        "sit",
+        ("bench",),
+        pose,
+        bench(seat=0.45, half_width=0.65, depth=0.34),
+    )
 
 
 def bar_sit() -> Pair:
     seat, ring = 0.72, 0.30
     pose = sitting(
-        seat=seat, hip_z=-0.02, lean=4, upright=-4, knee=0.24, spread=0.11, ankle=ring + 0.075, hip_above=0.095,
-        wrists=LimbGoal(end=(0.125, seat + 0.15, 0.20), pole=(0.55, -0.2, -1.0), direction=(-0.22, -0.35, 1.0), normal=(0.25, 1.0, 0.2)),
+        seat=seat,
+        hip_z=-0.02,
+        lean=4,
+        upright=-4,
+        knee=0.24,
+        spread=0.11,
+        ankle=ring + 0.075,
+        hip_above=0.095,
+        wrists=LimbGoal(
+            end=(0.125, seat + 0.15, 0.20),
+            pole=(0.55, -0.2, -1.0),
+            direction=(-0.22, -0.35, 1.0),
+            normal=(0.25, 1.0, 0.2),
+        ),
     )
-    return Pair("bar_sit", "Sitting on a bar stool, feet on the ring", "sit", ("barstool",), pose, bar_stool(seat=seat, radius=0.18, ring=ring))
+    return Pair(
+        "bar_sit",
+        "Sitting on a bar stool, feet on the ring",
+        "sit",
+        ("barstool",),
+        pose,
+        bar_stool(seat=seat, radius=0.18, ring=ring),
+    )
 
 
 def lying(*, top: float, hip_x: float, z: float, raise_trunk: float, raise_head: float, knee_bend: float) -> Pose:
@@ -133,14 +231,26 @@ def lying(*, top: float, hip_x: float, z: float, raise_trunk: float, raise_head:
     reach = thigh * np.cos(lift) + shank * np.cos(flex) - 0.002
     ankle_x = hip_x - PELVIS - reach
     legs = tuple(
-        LimbGoal(end=(ankle_x, top + 0.055, z + s * 0.11), pole=(0.0, 1.0, s * 0.12), direction=(-0.35 * np.cos(flex) - 0.3 * np.sin(flex), 1.0 - 0.7 * np.sin(flex), s * 0.3), normal=(1.0, 0.3, 0.0))
+        LimbGoal(
+            end=(ankle_x, top + 0.055, z + s * 0.11),
+            pole=(0.0, 1.0, s * 0.12),
+            direction=(-0.35 * np.cos(flex) - 0.3 * np.sin(flex), 1.0 - 0.7 * np.sin(flex), s * 0.3),
+            normal=(1.0, 0.3, 0.0),
+        )
         for s in (1, -1)
     )
     arms = tuple(
-        LimbGoal(end=(hip_x + 0.12, top + 0.235, z + s * 0.13), pole=(0.3, -0.6, s * 1.0), direction=(-0.75, -0.05, -s * 0.65), normal=(0.0, 1.0, 0.15 * s))
+        LimbGoal(
+            end=(hip_x + 0.12, top + 0.235, z + s * 0.13),
+            pole=(0.3, -0.6, s * 1.0),
+            direction=(-0.75, -0.05, -s * 0.65),
+            normal=(0.0, 1.0, 0.15 * s),
+        )
         for s in (1, -1)
     )
-    return author_pose(humanoid_skeleton(), root=root, facing=SUPINE, pitches=pitches, arms=(arms[0], arms[1]), legs=(legs[0], legs[1]))
+    return author_pose(
+        humanoid_skeleton(), root=root, facing=SUPINE, pitches=pitches, arms=(arms[0], arms[1]), legs=(legs[0], legs[1])
+    )
 
 
 def sofa_lie() -> Pair:
@@ -148,16 +258,34 @@ def sofa_lie() -> Pair:
     furniture = sofa(seat=0.41, foot=-0.245, lean=14, half_width=1.09, arm=0.18, arm_height=0.58, front=0.36)
     cushion = Pillow(center=np.array([0.74, 0.445, 0.08]), half=np.array([0.15, 0.07, 0.22]))
     furniture = Furniture("sofa", (*furniture.solids, cushion), furniture.seats)
-    return Pair("sofa_lie", "Lying on the back on a sofa, head on a cushion, knees bent", "lie", ("sofa",), pose, furniture)
+    return Pair(
+        "sofa_lie", "Lying on the back on a sofa, head on a cushion, knees bent", "lie", ("sofa",), pose, furniture
+    )
 
 
 def bed_lie() -> Pair:
     pose = lying(top=0.48, hip_x=0.02, z=0.0, raise_trunk=5, raise_head=12, knee_bend=0)
-    return Pair("bed_lie", "Lying on the back on a bed", "lie", ("bed",), pose, bed(top=0.48, half_width=0.75, length=2.0, pillow=0.07))
+    return Pair(
+        "bed_lie",
+        "Lying on the back on a bed",
+        "lie",
+        ("bed",),
+        pose,
+        bed(top=0.48, half_width=0.75, length=2.0, pillow=0.07),
+    )
 
 
 PAIRS: tuple[Callable[[], Pair], ...] = (
-    chair_sit, chair_arms, sofa_sit, lounge_sit, office_sit, stool_sit, bench_sit, bar_sit, sofa_lie, bed_lie,
+    chair_sit,
+    chair_arms,
+    sofa_sit,
+    lounge_sit,
+    office_sit,
+    stool_sit,
+    bench_sit,
+    bar_sit,
+    sofa_lie,
+    bed_lie,
 )
 
 
@@ -175,7 +303,8 @@ def write(pair: Pair) -> None:
         "skeleton": skeleton.name,
         "root_position": [round(float(x), 5) for x in pair.pose.root_position],
         "rotations": {
-            name: [round(float(x), 6) for x in q] for name, q in zip(skeleton.joint_names, pair.pose.rotations, strict=True)
+            name: [round(float(x), 6) for x in q]
+            for name, q in zip(skeleton.joint_names, pair.pose.rotations, strict=True)
         },
     }
     (FOLDER / f"{pair.id}.json").write_text(json.dumps(record, indent=1) + "\n")
@@ -185,7 +314,11 @@ def main() -> None:
     for make in PAIRS:
         pair = make()
         write(pair)
-        print(pair.id, "hips joint above the seat [m]:", round(float(pair.pose.root_position[1]) - pair.furniture.seat_height, 3))
+        print(
+            pair.id,
+            "hips joint above the seat [m]:",
+            round(float(pair.pose.root_position[1]) - pair.furniture.seat_height, 3),
+        )
 
 
 if __name__ == "__main__":

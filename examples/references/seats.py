@@ -21,7 +21,13 @@ def block(low: tuple[float, float, float], high: tuple[float, float, float], *, 
 
 
 def back_panel(
-    foot: tuple[float, float], *, lean: float, height: float, half_width: float, thickness: float, round_by: float = 0.01
+    foot: tuple[float, float],
+    *,
+    lean: float,
+    height: float,
+    half_width: float,
+    thickness: float,
+    round_by: float = 0.01,
 ) -> Box:
     """A reclined panel whose front face starts at `foot` (y, z) and leans back by `lean` degrees."""
     turn = pitch(-lean)
@@ -43,7 +49,13 @@ def dining_chair(*, seat: float, foot: float, lean: float) -> Furniture:
     solids = [
         block((-0.215, seat - 0.045, -0.215), (0.215, seat, 0.215), round_by=0.015),
         *four_legs(0.19, 0.19, -0.19, seat - 0.03),
-        back_panel((seat + 0.08, foot - 0.08 * np.tan(np.radians(lean))), lean=lean, height=0.42, half_width=0.20, thickness=0.03),
+        back_panel(
+            (seat + 0.08, foot - 0.08 * np.tan(np.radians(lean))),
+            lean=lean,
+            height=0.42,
+            half_width=0.20,
+            thickness=0.03,
+        ),
     ]
     for x in (-0.185, 0.185):
         turn = pitch(-lean)
@@ -52,22 +64,36 @@ def dining_chair(*, seat: float, foot: float, lean: float) -> Furniture:
     return Furniture("chair", tuple(solids), np.array([[0.0, seat, 0.0]]))
 
 
-def sofa(*, seat: float, foot: float, lean: float, half_width: float, arm: float, arm_height: float, front: float) -> Furniture:
+def sofa(
+    *, seat: float, foot: float, lean: float, half_width: float, arm: float, arm_height: float, front: float
+) -> Furniture:
     """A base, one long cushion, a thick reclined back and two block arms."""
     rear = foot - 0.30
     inner = half_width - arm
     solids = [
         block((-inner, 0.05, rear + 0.05), (inner, seat - 0.13, front - 0.03), round_by=0.02),
         block((-inner, seat - 0.14, foot - 0.08), (inner, seat, front), round_by=0.04),
-        back_panel((seat - 0.12, foot + 0.12 * np.tan(np.radians(lean))), lean=lean, height=0.60, half_width=inner, thickness=0.17, round_by=0.05),
-        *(block((min(a, b), 0.05, rear), (max(a, b), arm_height, front), round_by=0.04) for a, b in ((inner, half_width), (-half_width, -inner))),
+        back_panel(
+            (seat - 0.12, foot + 0.12 * np.tan(np.radians(lean))),
+            lean=lean,
+            height=0.60,
+            half_width=inner,
+            thickness=0.17,
+            round_by=0.05,
+        ),
+        *(
+            block((min(a, b), 0.05, rear), (max(a, b), arm_height, front), round_by=0.04)
+            for a, b in ((inner, half_width), (-half_width, -inner))
+        ),
         block((-inner, 0.05, rear), (inner, 0.55, rear + 0.12), round_by=0.02),
         *four_legs(half_width - 0.06, front - 0.06, rear + 0.06, 0.08),
     ]
     return Furniture("sofa", tuple(solids), np.array([[0.0, seat, 0.0]]))
 
 
-def armchair(*, seat: float, foot: float, lean: float, inner: float, arm: float, arm_height: float, front: float) -> Furniture:
+def armchair(
+    *, seat: float, foot: float, lean: float, inner: float, arm: float, arm_height: float, front: float
+) -> Furniture:
     """A one-seat upholstered chair: a short sofa."""
     made = sofa(seat=seat, foot=foot, lean=lean, half_width=inner + arm, arm=arm, arm_height=arm_height, front=front)
     return Furniture("armchair", made.solids, made.seats)
@@ -80,13 +106,21 @@ def open_armchair(*, seat: float, foot: float, lean: float, arm_half: float, arm
     for x in (-arm_half, arm_half):
         solids.append(block((x - 0.022, arm_height - 0.03, foot - 0.05), (x + 0.022, arm_height, 0.17)))
         solids.append(block((x - 0.018, seat - 0.03, 0.12), (x + 0.018, arm_height - 0.02, 0.156), round_by=0.004))
-        solids.append(block((min(0.19 * np.sign(x), x), seat - 0.04, 0.12), (max(0.19 * np.sign(x), x), seat - 0.01, 0.156), round_by=0.004))
+        solids.append(
+            block(
+                (min(0.19 * np.sign(x), x), seat - 0.04, 0.12),
+                (max(0.19 * np.sign(x), x), seat - 0.01, 0.156),
+                round_by=0.004,
+            )
+        )
     return Furniture("armchair", chair.solids + tuple(solids), chair.seats)
 
 
 def stool(*, seat: float, half: float) -> Furniture:
     """A square seat on four legs with rungs."""
-    rungs = [block((-half, 0.15, z - 0.012), (half, 0.175, z + 0.012), round_by=0.004) for z in (-half + 0.03, half - 0.03)]
+    rungs = [
+        block((-half, 0.15, z - 0.012), (half, 0.175, z + 0.012), round_by=0.004) for z in (-half + 0.03, half - 0.03)
+    ]
     solids = [
         block((-half, seat - 0.04, -half), (half, seat, half), round_by=0.012),
         *four_legs(half - 0.03, half - 0.03, -half + 0.03, seat - 0.02),
@@ -115,7 +149,10 @@ def office_chair(*, seat: float, foot: float, lean: float, arm_height: float) ->
         for a in 2 * np.pi * (np.arange(5) / 5)
     ]
     castors = [
-        block((0.30 * np.sin(a) - 0.025, 0.0, 0.30 * np.cos(a) - 0.025), (0.30 * np.sin(a) + 0.025, 0.055, 0.30 * np.cos(a) + 0.025))
+        block(
+            (0.30 * np.sin(a) - 0.025, 0.0, 0.30 * np.cos(a) - 0.025),
+            (0.30 * np.sin(a) + 0.025, 0.055, 0.30 * np.cos(a) + 0.025),
+        )
         for a in 2 * np.pi * (np.arange(5) / 5)
     ]
     arms: list[Solid] = []
@@ -125,10 +162,19 @@ def office_chair(*, seat: float, foot: float, lean: float, arm_height: float) ->
         arms.append(block((min(0.0, x), seat - 0.07, -0.04), (max(0.0, x), seat - 0.045, 0.02)))
     solids = [
         block((-0.24, seat - 0.075, -0.23), (0.24, seat, 0.23), round_by=0.035),
-        back_panel((seat + 0.08, foot - 0.08 * np.tan(np.radians(lean))), lean=lean, height=0.52, half_width=0.22, thickness=0.06, round_by=0.025),
+        back_panel(
+            (seat + 0.08, foot - 0.08 * np.tan(np.radians(lean))),
+            lean=lean,
+            height=0.52,
+            half_width=0.22,
+            thickness=0.06,
+            round_by=0.025,
+        ),
         back_panel((seat - 0.05, foot - 0.07), lean=lean, height=0.22, half_width=0.03, thickness=0.03),
         Tube(path=np.array([[0.0, 0.06, 0.0], [0.0, seat - 0.04, 0.0]]), radius=0.03),
-        *star, *castors, *arms,
+        *star,
+        *castors,
+        *arms,
     ]
     return Furniture("officechair", tuple(solids), np.array([[0.0, seat, 0.0]]))
 
@@ -137,7 +183,10 @@ def bench(*, seat: float, half_width: float, depth: float) -> Furniture:
     """A plank on two panels, no back."""
     solids = [
         block((-half_width, seat - 0.045, -depth / 2), (half_width, seat, depth / 2), round_by=0.008),
-        *(block((x - 0.02, 0.0, -depth / 2 + 0.03), (x + 0.02, seat - 0.03, depth / 2 - 0.03), round_by=0.004) for x in (0.12 - half_width, half_width - 0.12)),
+        *(
+            block((x - 0.02, 0.0, -depth / 2 + 0.03), (x + 0.02, seat - 0.03, depth / 2 - 0.03), round_by=0.004)
+            for x in (0.12 - half_width, half_width - 0.12)
+        ),
         block((0.12 - half_width, 0.18, -0.015), (half_width - 0.12, 0.25, 0.015), round_by=0.004),
     ]
     return Furniture("bench", tuple(solids), np.array([[0.0, seat, 0.0]]))

@@ -22,7 +22,9 @@ class Candidates:
 
     def picked(self, index: Tensor) -> "Candidates":
         """Some of them, in the order of `index`."""
-        return Candidates(self.figure[index], self.energy[index], {name: term[index] for name, term in self.terms.items()})
+        return Candidates(
+            self.figure[index], self.energy[index], {name: term[index] for name, term in self.terms.items()}
+        )
 
     def ranked(self) -> "Candidates":
         """Best first."""

@@ -25,7 +25,11 @@ class Schedule:
 
 
 def descend(
-    figure: Figure, objective: Objective, schedule: Schedule, *, watch: Callable[[int, Candidates], None] = lambda i, c: None
+    figure: Figure,
+    objective: Objective,
+    schedule: Schedule,
+    *,
+    watch: Callable[[int, Candidates], None] = lambda i, c: None,
 ) -> Candidates:
     """Minimises `objective` for each of the B poses on their own; returns the best iterate of each.
 

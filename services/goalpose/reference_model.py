@@ -23,14 +23,18 @@ GROUP_WEIGHTS = {"support": 0.5, "lean": 0.2, "floor": 0.2, "arms": 0.1}
 _ARMS = ("UpperArm", "LowerArm", "Hand")
 
 
-def model_reference(pair: ReferencePair, field: DescriptorField, *, samples: int, seed: int = 0, points: int = 1500) -> ReferenceModel:
+def model_reference(
+    pair: ReferencePair, field: DescriptorField, *, samples: int, seed: int = 0, points: int = 1500
+) -> ReferenceModel:
     """Everything about a reference pair that the energy needs; `samples` probes per centre, `points` for the encoder."""
     skeleton = pair.pose.skeleton
     figure = figure_of(pair)
     probes = make_probes(skeleton, samples=samples, seed=seed)
     body = body_points(body_capsules(skeleton))
     rest = rest_pose(skeleton)
-    standing = figure_from_pose(skeleton, torch.as_tensor(rest.root_position)[None], torch.as_tensor(rest.rotations)[None])
+    standing = figure_from_pose(
+        skeleton, torch.as_tensor(rest.root_position)[None], torch.as_tensor(rest.rotations)[None]
+    )
     pairs = collision_pairs(skeleton, body, standing)
     with torch.no_grad():
         latent = field.encode(torch.as_tensor(pair.shape.points[:points])[None])
@@ -57,7 +61,9 @@ def model_reference(pair: ReferencePair, field: DescriptorField, *, samples: int
 def figure_of(pair: ReferencePair) -> Figure:
     """The reference pose as a batch of one."""
     pose = pair.pose
-    return figure_from_pose(pose.skeleton, torch.as_tensor(pose.root_position)[None], torch.as_tensor(pose.rotations)[None])
+    return figure_from_pose(
+        pose.skeleton, torch.as_tensor(pose.root_position)[None], torch.as_tensor(pose.rotations)[None]
+    )
 
 
 def height_above_surface(distance: DistanceGrid, point: Tensor, *, reach: float = 0.6) -> float:
@@ -75,7 +81,8 @@ def reference_contacts(figure: Figure, body: BodyPoints, distance: DistanceGrid,
     spheres = figure.attached(body.joint, body.offset)[0][near]
     upward = torch.nn.functional.normalize(spheres - touching, dim=-1)[:, 1] > 0.7
     groups = [
-        "arms" if names[int(body.joint[i])].endswith(_ARMS) else "support" if up else "lean" for i, up in zip(near, upward, strict=True)
+        "arms" if names[int(body.joint[i])].endswith(_ARMS) else "support" if up else "lean"
+        for i, up in zip(near, upward, strict=True)
     ]
     joint = body.joint[near]
     offset = _in_joint_frame(figure, joint, touching)
@@ -84,13 +91,17 @@ def reference_contacts(figure: Figure, body: BodyPoints, distance: DistanceGrid,
     offset = torch.cat([offset, _in_joint_frame(figure, soles, _dropped(figure.positions[0, soles], floor_height))])
     groups += ["floor"] * len(soles)
     weight = torch.tensor([GROUP_WEIGHTS[g] / groups.count(g) for g in groups])
-    return Contacts(joint, offset, weight / weight.sum(), torch.tensor([g == "floor" for g in groups]))
+    return Contacts(joint, offset, weight, torch.tensor([g == "floor" for g in groups]), tuple(groups))
 
 
 def _soles(figure: Figure, floor_height: float) -> Tensor:
     """Foot and toe joints that stand on the floor."""
     names = figure.skeleton.humanoid_bones
-    feet = [j for j, n in enumerate(names) if n.endswith(("Foot", "Toes")) and figure.positions[0, j, 1] - floor_height < 0.12]
+    feet = [
+        j
+        for j, n in enumerate(names)
+        if n.endswith(("Foot", "Toes")) and figure.positions[0, j, 1] - floor_height < 0.12
+    ]
     return torch.tensor(feet, dtype=torch.long)
 
 

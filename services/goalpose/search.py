@@ -38,7 +38,10 @@ def turned_figures(figure: Figure, turns: Tensor) -> Figure:
     count, heads = len(figure), len(turns)
     turn = quat_from_yaw(turns)[None, :, None]  # [1, H, 1, 4]
     root = figure.root_position[:, None, None]
-    positions = root + quat_rotate(turn.expand(count, -1, figure.positions.shape[1], -1), (figure.positions[:, None] - root).expand(-1, heads, -1, -1))
+    positions = root + quat_rotate(
+        turn.expand(count, -1, figure.positions.shape[1], -1),
+        (figure.positions[:, None] - root).expand(-1, heads, -1, -1),
+    )
     orientations = quat_mul(turn, figure.orientations[:, None])
     rotations = figure.rotations[:, None].expand(-1, heads, -1, -1).clone()
     rotations[:, :, :1] = orientations[:, :, :1]
@@ -52,7 +55,9 @@ def turned_figures(figure: Figure, turns: Tensor) -> Figure:
 
 
 @torch.no_grad()
-def evaluate(figure: Figure, model: ReferenceModel, target: Target, settings: Settings, *, chunk: int = 1024) -> Candidates:
+def evaluate(
+    figure: Figure, model: ReferenceModel, target: Target, settings: Settings, *, chunk: int = 1024
+) -> Candidates:
     """Energies of many poses, in chunks to bound the memory."""
     starts = range(0, len(figure), chunk)
     parts = [total_energy(figure[slice(i, i + chunk)], model, target, settings) for i in starts]
@@ -61,7 +66,14 @@ def evaluate(figure: Figure, model: ReferenceModel, target: Target, settings: Se
 
 
 def coarse_search(
-    model: ReferenceModel, target: Target, settings: Settings, *, places: Tensor, turns: Tensor, shortlist: int, keep: int
+    model: ReferenceModel,
+    target: Target,
+    settings: Settings,
+    *,
+    places: Tensor,
+    turns: Tensor,
+    shortlist: int,
+    keep: int,
 ) -> Candidates:
     """The best `keep` distinct rigid placements: `shortlist` of them by geometry, those then by the whole energy."""
     weights = settings.weights

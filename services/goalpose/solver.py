@@ -56,12 +56,16 @@ def refine(starts: Candidates, model: ReferenceModel, target: Target, config: So
         settings = Settings(config.weights, config.samples if fine else config.coarse_samples)
         if fine:
             found = found.picked(distinct(found, config.finalists))
-        found = descend(found.figure, _objective(model, target, settings), schedule, watch=_reporter(watch, stage, done, config))
+        found = descend(
+            found.figure, _objective(model, target, settings), schedule, watch=_reporter(watch, stage, done, config)
+        )
         done += schedule.iterations
     return evaluate(found.figure, model, target, replace(settings, samples=config.samples)).ranked()
 
 
-def _objective(model: ReferenceModel, target: Target, settings: Settings) -> Callable[[Figure], tuple[Tensor, dict[str, Tensor]]]:
+def _objective(
+    model: ReferenceModel, target: Target, settings: Settings
+) -> Callable[[Figure], tuple[Tensor, dict[str, Tensor]]]:
     return lambda figure: total_energy(figure, model, target, settings)
 
 

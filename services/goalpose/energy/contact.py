@@ -19,18 +19,22 @@ class Contacts:
 
     joint: Tensor  # [K]
     offset: Tensor  # [K, 3] in the joint's frame [m]
-    weight: Tensor  # [K], sums to 1 over the group
+    weight: Tensor  # [K], sums to at most 1; what is missing counts as missed, so that references compare
     on_floor: Tensor  # [K] bool: touches the floor rather than the object
+    group: tuple[str, ...]  # [K] "support" (from below), "lean", "floor" or "arms"
 
 
 def contact_energy(
     figure: Figure, contacts: Contacts, distance: SignedDistance, floor_height: float, *, scale: float = 0.05
 ) -> Tensor:
-    """E_s = sum_k w_k e_k^2 / (e_k^2 + s^2), e_k the signed distance of contact k to the surface. -> [B] in [0, 1].
+    """E_s = 1 - sum_k w_k + sum_k w_k e_k^2 / (e_k^2 + s^2), e_k the signed distance of contact k to the surface.
+
+    -> [B] in [0, 1]; 0 when every kind of contact is there and met.
 
     The Geman-McClure function lets go of contacts that the target cannot offer: a stool has no back. `scale` s [m].
     """
-    return (contacts.weight * robust(contact_misses(figure, contacts, distance, floor_height), scale)).sum(-1)
+    misses = contact_misses(figure, contacts, distance, floor_height)
+    return 1.0 - contacts.weight.sum() + (contacts.weight * robust(misses, scale)).sum(-1)
 
 
 def robust(residual: Tensor, scale: float) -> Tensor:

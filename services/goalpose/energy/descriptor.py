@@ -63,7 +63,10 @@ def make_probes(skeleton: Skeleton, *, samples: int, sigma: float = 0.025, seed:
     knees = [name.endswith("LowerLeg") for name in skeleton.humanoid_bones]
     at_joint = torch.tensor([bool(o.abs().sum() == 0) and knees[j] for j, o in centres])
     return Probes(
-        joint, offset.reshape(-1, 3), torch.arange(len(centres)).repeat_interleave(samples), at_joint.repeat_interleave(samples)
+        joint,
+        offset.reshape(-1, 3),
+        torch.arange(len(centres)).repeat_interleave(samples),
+        at_joint.repeat_interleave(samples),
     )
 
 
@@ -77,7 +80,9 @@ def _centres(skeleton: Skeleton) -> list[tuple[int, Tensor]]:
     return centres
 
 
-def pose_descriptor(field: DescriptorField, latent: Any, figure: Figure, probes: Probes, chosen: Tensor | None = None) -> Tensor:
+def pose_descriptor(
+    field: DescriptorField, latent: Any, figure: Figure, probes: Probes, chosen: Tensor | None = None
+) -> Tensor:
     """Z(O, P), paper Eq. 4 and 5: descriptors at the probes of every pose. -> [B, P, D]."""
     joint, offset = (probes.joint, probes.offset) if chosen is None else (probes.joint[chosen], probes.offset[chosen])
     points = figure.attached(joint, offset)

@@ -58,7 +58,9 @@ class Settings:
     knee_weight: float = 1.0  # omega of the knees, 3 in the paper's rigid stage
 
 
-def total_energy(figure: Figure, model: ReferenceModel, target: Target, settings: Settings) -> tuple[Tensor, dict[str, Tensor]]:
+def total_energy(
+    figure: Figure, model: ReferenceModel, target: Target, settings: Settings
+) -> tuple[Tensor, dict[str, Tensor]]:
     """Weighted sum [B] and every weighted term by name [B]; terms of weight 0 are left out."""
     weights = settings.weights
     terms: dict[str, Tensor] = {}
@@ -71,9 +73,13 @@ def total_energy(figure: Figure, model: ReferenceModel, target: Target, settings
     if weights.prior:
         terms["prior"] = weights.prior * prior_energy(figure, model.canonical)
     if weights.penetration:
-        terms["penetration"] = weights.penetration * penetration_energy(figure, model.body, target.distance, model.allowance)
+        terms["penetration"] = weights.penetration * penetration_energy(
+            figure, model.body, target.distance, model.allowance
+        )
     if weights.contact:
-        terms["contact"] = weights.contact * contact_energy(figure, model.contacts, target.distance, target.floor_height)
+        terms["contact"] = weights.contact * contact_energy(
+            figure, model.contacts, target.distance, target.floor_height
+        )
     if weights.gravity:
         terms["gravity"] = weights.gravity * gravity_energy(figure, model.gravity)
     if weights.self_collision:

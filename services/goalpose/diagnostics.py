@@ -1,0 +1,105 @@
+"""How good a goal pose is, in metres, and why it is doubtful if it is."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from goalpose.candidates import facing_yaw
+from goalpose.energy.angle_limit import swing_twist
+from goalpose.energy.contact import contact_misses
+from goalpose.energy.figure import Figure
+from goalpose.energy.penetration import penetration_depths
+from goalpose.energy.prior import canonical_positions
+from goalpose.energy.total import ReferenceModel, Target
+from goalpose.reference_model import height_above_surface
+
+MET = 0.03  # [m] a contact closer than this is met
+DEEP = 0.05  # [m]
+OFF_FLOOR = 0.05  # [m]
+
+
+@dataclass(frozen=True)
+class PoseWarning:
+    """Why a pose is doubtful."""
+
+    reason: str  # NO_PLAUSIBLE_POSE, DEEP_PENETRATION or FEET_OFF_FLOOR
+    message: str
+    remedy: str
+
+
+def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str, float]:
+    """Measures of the first pose of a batch, in metres, radians and shares.
+
+    `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
+    `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the reference
+    stands on it); `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance from the reference's
+    canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
+    """
+    with torch.no_grad():
+        hip_height = support_height(figure, target)
+        misses = contact_misses(figure, model.contacts, target.distance, target.floor_height)[0].abs()
+        weight = model.contacts.weight
+        values = {
+            "hip_height": hip_height,
+            "hip_seat_distance": abs(hip_height - model.hip_height),
+            "penetration_depth": float(penetration_depths(figure, model.body, target.distance).max()),
+            "heading": float(facing_yaw(figure)[0]),
+            "contacts_met": float((weight * (misses < MET)).sum() / weight.sum()),
+            "support_miss": float(_group_miss(misses, model, "support")),
+            "pose_change": float((canonical_positions(figure)[0] - model.canonical).norm(dim=-1).mean()),
+            "limit_excess": _limit_excess(figure, model),
+        }
+        if model.contacts.on_floor.any():
+            values["floor_distance"] = float(misses[model.contacts.on_floor].max())
+    return values
+
+
+def support_height(figure: Figure, target: Target) -> float:
+    """Height [m] of the hips joint above the highest surface under hips and hip joints."""
+    joints = figure.skeleton.indices(["hips", "leftUpperLeg", "rightUpperLeg"])
+    hips = figure.positions[0, joints[0]]
+    columns = [torch.stack([figure.positions[0, j, 0], hips[1], figure.positions[0, j, 2]]) for j in joints]
+    return min(height_above_surface(target.distance, column) for column in columns)
+
+
+def _group_miss(misses: Tensor, model: ReferenceModel, group: str) -> Tensor:
+    """Median miss [m] of one group of contacts, 0 when the reference has none."""
+    chosen = torch.tensor([g == group for g in model.contacts.group])
+    return misses[chosen].median() if chosen.any() else torch.zeros(())
+
+
+def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
+    limits = model.limits
+    angles = swing_twist(figure.rotations[:1, limits.joint], limits.axis)
+    return float(torch.maximum(angles - limits.high, limits.low - angles).clamp(min=0.0).max())
+
+
+def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:
+    """What a caller should know of these diagnostics."""
+    found = []
+    if values["support_miss"] > 0.06 or values["contacts_met"] < 0.25:
+        found.append(
+            PoseWarning(
+                "NO_PLAUSIBLE_POSE",
+                f"The body is not held by the object: it misses its support by {values['support_miss']:.2f} m.",
+                "Check the object's size, unit and up axis, or choose a reference pose made for this kind of furniture.",
+            )
+        )
+    if values["penetration_depth"] > DEEP:
+        found.append(
+            PoseWarning(
+                "DEEP_PENETRATION",
+                f"A part of the body lies {100 * values['penetration_depth']:.0f} cm deep in the object.",
+                "Try another reference pose or more restarts; narrow seats may not fit this skeleton.",
+            )
+        )
+    if values.get("floor_distance", 0.0) > OFF_FLOOR:
+        found.append(
+            PoseWarning(
+                "FEET_OFF_FLOOR",
+                f"A foot is {100 * values['floor_distance']:.0f} cm from the floor.",
+                "Expected on high seats; otherwise check the object's unit.",
+            )
+        )
+    return tuple(found)
