@@ -1,0 +1,76 @@
+"""One frame of B characters: encode, predict, blend, plant the feet, shift the series.
+
+Training roll-outs and the service call this same function, so training sees exactly what runs.
+"""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from motion.blending import blend_pose, blend_trajectory, blend_weights
+from motion.contact_ik import plant
+from motion.features import Answer, Goals, Inputs, decode, encode, goal_frame
+from motion.figure import Figure, Frame
+from motion.state import FRAME_RATE, Characters
+
+# Normalised network call: raw inputs -> raw output [B, O].
+Predict = Callable[[Inputs], Tensor]
+
+_MOST_PHASE = 0.08  # [turns] per frame: 2.4 gait cycles a second
+
+
+def advance(figure: Figure, predict: Predict, characters: Characters, goals: Goals) -> tuple[Characters, Tensor, Tensor]:
+    """The next frame of every character.
+
+    Returns the new characters, their joint positions [B, J, 3] [m], and the mean joint distance to the goal pose [B] [m]
+    (meaningful where the goal is active).
+    """
+    positions = figure.positions(characters.hips, characters.orientations)
+    root = figure.frame(positions)
+    output = predict(encode(figure, characters, goals, positions, root))
+    answer = decode(output, characters, positions, root)
+    distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
+    styles = answer.trajectory[:, 0, 4:8].clamp(0.0, 1.0)
+    action = goals.active * (styles[:, 2] + styles[:, 3]).clamp_max(1.0)
+    blend, settled = blend_weights(distance, action, characters.blend, characters.settled)
+    facing = goal_frame(figure, goals)
+    # Without an active goal there is nothing to blend with, whatever weight is left from before.
+    wanted, orientations = blend_pose(answer, root, goals, facing, blend * goals.active, settled)
+    contacts = answer.contacts.clamp(0.0, 1.0)
+    lying = styles[:, 3].clamp(0.0, 1.0)
+    hips, orientations, locks, weights = plant(
+        figure, characters, wanted, orientations, contacts, seated=blend * goals.active, floor=(lying < 0.5).float()
+    )
+    after = figure.positions(hips, orientations)
+    moved = Characters(
+        hips=hips,
+        orientations=orientations,
+        velocities=(after - positions) * FRAME_RATE,
+        past=_past(figure, characters, answer, after, styles),
+        future=_future(characters, answer, root, facing, goals),
+        contacts=contacts,
+        locks=locks,
+        lock_weights=weights,
+        settled=settled,
+        blend=blend * goals.active,
+    )
+    whole = moved.past[:, -1:, 8:].floor()
+    moved.past = torch.cat([moved.past[..., :8], moved.past[..., 8:] - whole], -1)
+    moved.future = torch.cat([moved.future[..., :8], moved.future[..., 8:] - whole], -1)
+    return moved, after, (after - goals.pose_positions).norm(dim=-1).mean(-1)
+
+
+def _past(figure: Figure, characters: Characters, answer: Answer, after: Tensor, styles: Tensor) -> Tensor:
+    """History [B, 31, 9] with the new root appended."""
+    root: Frame = figure.frame(after)
+    phase = characters.past[:, -1, 8:] + answer.phase[:, :1].clamp(0.0, _MOST_PHASE)
+    now = torch.cat([root.origin, root.direction, styles, phase], -1)
+    return torch.cat([characters.past[:, 1:], now[:, None]], 1)
+
+
+def _future(characters: Characters, answer: Answer, root: Frame, facing: Frame, goals: Goals) -> Tensor:
+    """Future keys [B, 6, 9] in the world."""
+    places = blend_trajectory(answer, root, facing, goals)
+    phases = characters.past[:, -1:, 8:] + answer.phase[:, 1:, None].clamp(0.0, 2.0)
+    return torch.cat([places, answer.trajectory[:, 1:, 4:8].clamp(0.0, 1.0), phases], -1)

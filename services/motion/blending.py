@@ -1,0 +1,68 @@
+"""Bidirectional blending (paper 3.2, supplement C): the forward answer meets the goal-centric one near the goal.
+
+The paper prints an additive blend and a reciprocal in the exponent; both are slips (METHOD-NOTES, decision 7). Here
+lambda = action value x (1 - 1 / (1 + exp(-20 (d - 0.25)))) interpolates positions *and* rotations: 0.993 at the goal,
+0.5 at 25 cm, 0.007 at 50 cm mean joint distance.
+"""
+
+import torch
+from torch import Tensor
+
+from motion.features import Answer, Goals, goal_orientations, world_axes
+from motion.figure import Frame, orthonormal, six
+from motion.state import FUTURE
+
+_STEEPNESS = 20.0  # [1/m]
+_HALFWAY = 0.25  # [m]
+_RISE, _FALL = 0.06, 0.15  # most that the weight may change in a frame: no pop when modes switch
+_SETTLE_WITHIN = 0.15  # [m] mean joint distance from which the held pose is drawn onto the goal
+_SETTLE_RISE, _SETTLE_FALL = 1 / 40, 1 / 10  # per frame
+_LIVING = 0.1  # share of the network's own motion that stays when settled
+
+
+def distance_weight(distance: Tensor) -> Tensor:
+    """Sigmoid weight of the mean joint distance to the goal pose [m]. [...] -> [...]."""
+    return 1 - torch.sigmoid(_STEEPNESS * (distance - _HALFWAY))
+
+
+def limited(value: Tensor, target: Tensor, rise: float, fall: float) -> Tensor:
+    """`value` moved towards `target` by at most `rise` up or `fall` down."""
+    return value + (target - value).clamp(-fall, rise)
+
+
+def blend_weights(distance: Tensor, action: Tensor, blend: Tensor, settled: Tensor) -> tuple[Tensor, Tensor]:
+    """Next bidirectional weight and next settledness, both rate limited. All [B]."""
+    blend = limited(blend, action * distance_weight(distance), _RISE, _FALL)
+    near = (action > 0.5) & (distance < _SETTLE_WITHIN)
+    return blend, limited(settled, near.float(), _SETTLE_RISE, _SETTLE_FALL)
+
+
+def blend_pose(
+    answer: Answer, root: Frame, goals: Goals, facing: Frame, weight: Tensor, settled: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Blended joint positions [B, J, 3] and orientations [B, J, 3, 3] in the world.
+
+    `facing` is the goal's frame; `weight` and `settled` [B]. Settled, the inverse answer keeps a tenth of its distance
+    to the goal, so that the held pose ends in the goal whatever the network's own error there.
+    """
+    own = 1 - (1 - _LIVING) * settled[:, None, None]
+    inverse = goals.pose_positions + facing.turn_out(answer.inverse_positions * own)
+    rest = answer.inverse_axes.new_tensor([0.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+    turned = six(goal_orientations(goals, rest + (answer.inverse_axes - rest) * own))
+    w = weight[:, None, None]
+    positions = torch.lerp(root.points_out(answer.positions), inverse, w)
+    axes = torch.lerp(world_axes(root, answer.axes), turned, w)
+    return positions, orthonormal(axes)
+
+
+def blend_trajectory(answer: Answer, root: Frame, facing: Frame, goals: Goals) -> Tensor:
+    """Future keys in the world [B, 6, 4] (x, z, direction), weight (k/7)^(D^2) with D the distance to the goal [m]."""
+    ahead, back = answer.trajectory[:, 1:], answer.inverse_trajectory[:, 1:]
+    places, directions = root.points_out(ahead[..., :2]), root.turn_out(ahead[..., 2:4])
+    goal_places, goal_directions = facing.points_out(back[..., :2]), facing.turn_out(back[..., 2:4])
+    k = torch.arange(1, FUTURE + 1, dtype=places.dtype)
+    apart = (places - facing.origin[:, None]).norm(dim=-1)
+    weight = (k / (FUTURE + 1)).pow(apart.square())[..., None]
+    directions = torch.lerp(directions, goal_directions, weight)
+    directions = directions / directions.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+    return torch.cat([torch.lerp(places, goal_places, weight), directions], -1)

@@ -1,0 +1,145 @@
+"""The skeleton as torch tensors: forward kinematics from world orientations, and the character's frame on the floor.
+
+Inside the motion service a pose is the hips' position and one *world* orientation matrix per joint, columns = images of
++X, +Y, +Z. Bone lengths are then constant by construction, and forward kinematics is one matrix product:
+every joint is the sum of its ancestors' turned offsets.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import torch
+from character.skeleton import Skeleton, humanoid_skeleton
+from torch import Tensor
+
+CONTACT_JOINTS = ("leftFoot", "leftToes", "rightFoot", "rightToes")
+_LEGS = (("leftUpperLeg", "leftLowerLeg", "leftFoot", "leftToes"), ("rightUpperLeg", "rightLowerLeg", "rightFoot", "rightToes"))
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """What the motion code needs of a skeleton, as tensors."""
+
+    skeleton: Skeleton
+    offsets: Tensor  # [J, 3] rest offsets [m]; the root's is zero
+    parents: Tensor  # [J] with the root its own parent
+    ancestry: Tensor  # [J, J] 1 where the column is the row's ancestor or the row itself
+    legs: Tensor  # [2, 4] joints of thigh, shin, foot, toes; left then right
+    contacts: Tensor  # [4] joints of CONTACT_JOINTS
+    across: Tensor  # [2, 2] (left, right) joints of hips and shoulders, which tell where the figure faces
+
+    @property
+    def joint_count(self) -> int:
+        """Number of joints J."""
+        return self.skeleton.joint_count
+
+    def positions(self, hips: Tensor, orientations: Tensor) -> Tensor:
+        """Joint positions. Hips [..., 3] [m], world orientations [..., J, 3, 3] -> [..., J, 3] [m]."""
+        bones = torch.einsum("...jab,jb->...ja", orientations[..., self.parents, :, :], self.offsets)
+        return hips[..., None, :] + self.ancestry @ bones
+
+    def facing(self, positions: Tensor) -> Tensor:
+        """Unit direction on the floor (x, z) that the torso faces: up x (hips + shoulders across). [..., J, 3] -> [..., 2]."""
+        left, right = positions[..., self.across[:, 0], :], positions[..., self.across[:, 1], :]
+        span = (right - left)[..., [0, 2]]
+        span = (span / span.norm(dim=-1, keepdim=True).clamp_min(1e-6)).sum(-2)
+        forward = torch.stack([span[..., 1], -span[..., 0]], -1)
+        return forward / forward.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+
+    def frame(self, positions: Tensor) -> "Frame":
+        """The root frame: hips projected to the floor, with the torso's facing. [..., J, 3] -> Frame [...]."""
+        return Frame(positions[..., 0, [0, 2]], self.facing(positions))
+
+    def world(self, local: Tensor) -> Tensor:
+        """Local to world orientations. [..., J, 3, 3] -> [..., J, 3, 3]."""
+        world = [local[..., 0, :, :]]
+        for joint, parent in enumerate(self.skeleton.parents[1:], start=1):
+            world.append(world[parent] @ local[..., joint, :, :])
+        return torch.stack(world, -3)
+
+    def local(self, world: Tensor) -> Tensor:
+        """World to local orientations; the root's stays in the world. [..., J, 3, 3] -> [..., J, 3, 3]."""
+        local = world[..., self.parents, :, :].transpose(-1, -2) @ world
+        return torch.cat([world[..., :1, :, :], local[..., 1:, :, :]], -3)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """An upright frame on the floor: origin (x, z) [m] and the unit direction (x, z) of its +Z axis."""
+
+    origin: Tensor  # [..., 2]
+    direction: Tensor  # [..., 2]
+
+    def _spread(self, vectors: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        extra = vectors.dim() - self.origin.dim()
+        shape = (*self.origin.shape[:-1], *(1,) * extra)
+        x, z = self.direction[..., 0].reshape(shape), self.direction[..., 1].reshape(shape)
+        return x, z, self.origin[..., 0].reshape(shape), self.origin[..., 1].reshape(shape)
+
+    def turn_in(self, vectors: Tensor) -> Tensor:
+        """World directions into this frame: [..., *, 3] (or 2 for floor vectors x, z) -> same shape."""
+        dx, dz, _, _ = self._spread(vectors)
+        x, z = vectors[..., 0], vectors[..., -1]
+        turned = [x * dz - z * dx, x * dx + z * dz]
+        return torch.stack(turned if vectors.shape[-1] == 2 else [turned[0], vectors[..., 1], turned[1]], -1)
+
+    def turn_out(self, vectors: Tensor) -> Tensor:
+        """Directions of this frame into the world, the inverse of `turn_in`."""
+        dx, dz, _, _ = self._spread(vectors)
+        x, z = vectors[..., 0], vectors[..., -1]
+        turned = [x * dz + z * dx, z * dz - x * dx]
+        return torch.stack(turned if vectors.shape[-1] == 2 else [turned[0], vectors[..., 1], turned[1]], -1)
+
+    def shift(self, vectors: Tensor, sign: float) -> Tensor:
+        """Adds `sign` times the origin to points [..., *, 3] or floor points [..., *, 2]."""
+        _, _, ox, oz = self._spread(vectors)
+        parts = list(vectors.unbind(-1))
+        parts[0], parts[-1] = parts[0] + sign * ox, parts[-1] + sign * oz
+        return torch.stack(parts, -1)
+
+    def points_in(self, points: Tensor) -> Tensor:
+        """World points into this frame."""
+        return self.turn_in(self.shift(points, -1.0))
+
+    def points_out(self, points: Tensor) -> Tensor:
+        """Points of this frame into the world."""
+        return self.shift(self.turn_out(points), 1.0)
+
+
+def six(orientations: Tensor) -> Tensor:
+    """Forward axis (image of +Z) then up axis (image of +Y). [..., 3, 3] -> [..., 6]."""
+    return torch.cat([orientations[..., 2], orientations[..., 1]], -1)
+
+
+def orthonormal(axes: Tensor) -> Tensor:
+    """The rotation matrix nearest in spirit to a forward and an up axis: forward kept, up made square. [..., 6] -> [..., 3, 3]."""
+    z = torch.nn.functional.normalize(axes[..., :3], dim=-1, eps=1e-6)
+    x = torch.nn.functional.normalize(torch.linalg.cross(axes[..., 3:], z, dim=-1), dim=-1, eps=1e-6)
+    return torch.stack([x, torch.linalg.cross(z, x, dim=-1), z], -1)
+
+
+def figure_of(skeleton: Skeleton) -> Figure:
+    """The tensors of one skeleton, which must carry the humanoid bone names. KeyError when one is missing."""
+    count = skeleton.joint_count
+    ancestry = torch.eye(count)
+    for joint, parent in enumerate(skeleton.parents):
+        if parent >= 0:
+            ancestry[joint] += ancestry[parent]
+    offsets = torch.tensor(skeleton.rest_offsets, dtype=torch.float32)
+    offsets[0] = 0
+    across = (("leftUpperLeg", "rightUpperLeg"), ("leftUpperArm", "rightUpperArm"))
+    return Figure(
+        skeleton=skeleton,
+        offsets=offsets,
+        parents=torch.tensor([max(p, 0) for p in skeleton.parents]),
+        ancestry=ancestry,
+        legs=torch.tensor([skeleton.indices(leg) for leg in _LEGS]),
+        contacts=torch.tensor(skeleton.indices(CONTACT_JOINTS)),
+        across=torch.tensor([skeleton.indices(pair) for pair in across]),
+    )
+
+
+@cache
+def humanoid_figure() -> Figure:
+    """The figure of the default skeleton."""
+    return figure_of(humanoid_skeleton())

@@ -1,0 +1,184 @@
+"""The application object of the motion domain: start characters, step many of them in one batch."""
+
+import io
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import torch
+from character.rotation import quat_from_matrix
+from safetensors import safe_open
+from torch import Tensor
+
+from motion.advance import advance
+from motion.controller import Body, Control, Seat, control, goals_of
+from motion.features import Inputs
+from motion.figure import Figure, humanoid_figure
+from motion.intent import Goal, Idle, Intent, Steer
+from motion.network import MotionNetwork, NetworkConfig, Normaliser
+from motion.planner import Plan
+from motion.state import ACTIONS, FUTURE, PAST, Characters
+
+__all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
+
+# The network runs in chunks of this many rows, padded: matrix products of one shape give the same bits whatever the
+# other rows hold, so that a session's motion does not depend on its neighbours.
+_ROWS = 8
+_SEAT_FIELDS = ("positions", "orientations", "root", "stand")
+
+
+@dataclass(frozen=True, eq=False)
+class CharacterState:
+    """One character between two frames: plain arrays and numbers."""
+
+    body: dict[str, np.ndarray]  # the rows of `Characters`
+    control: Control
+
+    def to_bytes(self) -> bytes:
+        """Exact serialised form (NPZ without compression)."""
+        arrays = {f"body.{k}": v for k, v in self.body.items()}
+        memory = self.control
+        seat = memory.seat
+        if seat is not None:
+            arrays |= {f"seat.{name}": getattr(seat, name) for name in _SEAT_FIELDS}
+        numbers = [memory.mode, memory.since, memory.waiting, int(seat is not None and seat.lying)]
+        arrays["control"] = np.array(numbers, np.int64)
+        arrays["plan"] = np.array(list(asdict(memory.plan).values()), np.float64)
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)  # type: ignore[arg-type]
+        return buffer.getvalue()
+
+    @staticmethod
+    def from_bytes(data: bytes) -> "CharacterState":
+        """The state that `to_bytes` wrote. ValueError when the bytes are something else."""
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            if "control" not in stored:
+                raise ValueError("not a character state")
+            body = {k.removeprefix("body."): stored[k] for k in stored.files if k.startswith("body.")}
+            mode, since, waiting, lying = map(int, stored["control"])
+            seat = None
+            if "seat.root" in stored:
+                seat = Seat(*(stored[f"seat.{name}"] for name in _SEAT_FIELDS), lying=bool(lying))
+            plan = Plan(*map(float, stored["plan"]))
+        return CharacterState(body, Control(plan, mode, seat, since, waiting))
+
+
+@dataclass(frozen=True, eq=False)
+class FrameData:
+    """One frame to show."""
+
+    root_position: np.ndarray  # [3] hips [m]
+    rotations: np.ndarray  # [J, 4] local, xyzw
+    positions: np.ndarray  # [J, 3] [m]
+    contacts: np.ndarray  # [4] bool
+    action: str
+    goal_distance: float | None  # mean joint distance to the goal pose [m], while sitting or lying down on it
+
+
+class Animator:
+    """Loaded weights; stateless between calls, so one serves every session."""
+
+    def __init__(self, figure: Figure, network: MotionNetwork, normaliser: Normaliser, starts: dict[str, Tensor]) -> None:
+        self.figure = figure
+        self._network, self._normaliser, self._starts = network.eval(), normaliser.eval(), starts
+
+    @staticmethod
+    def load(weights: str | Path) -> "Animator":
+        """From a .safetensors file. ValueError when it was trained for another skeleton."""
+        figure = humanoid_figure()
+        with safe_open(str(weights), "pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+        if metadata.get("skeleton") != figure.skeleton.id:
+            raise ValueError(f"{weights} was trained for skeleton {metadata.get('skeleton')}, not {figure.skeleton.id}")
+        config = NetworkConfig(**json.loads(metadata["config"]))
+        network, normaliser = MotionNetwork(config), Normaliser(config)
+        network.load_state_dict(_part(tensors, "network."))
+        normaliser.load_state_dict(_part(tensors, "normaliser."))
+        return Animator(figure, network, normaliser, _part(tensors, "start."))
+
+    def start(self, position_xz: Sequence[float], yaw: float, seed: int = 0) -> CharacterState:
+        """A character standing quietly at a place [m] with a heading [rad]; the seed picks stance and gait phase."""
+        rng = np.random.default_rng(seed)
+        pick = int(rng.integers(len(self._starts["height"])))
+        turn = torch.tensor(
+            [[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]], dtype=torch.float32
+        )
+        orientations = (turn @ self._starts["orientations"][pick])[None]
+        x, z = float(position_xz[0]), float(position_xz[1])
+        hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
+        batch = _standing(self.figure, hips, orientations, float(rng.random()))
+        body = _rows(batch)[0]
+        return CharacterState(body, Control(Plan(x, z, yaw=yaw)))
+
+    @torch.inference_mode()
+    def step(
+        self, states: Sequence[CharacterState], intents: Sequence[Intent]
+    ) -> list[tuple[CharacterState, FrameData]]:
+        """The next frame of every character, in one batch."""
+        if not states:
+            return []
+        controls, commands = [], []
+        for state, intent in zip(states, intents, strict=True):
+            memory, command = control(self.figure, state.control, intent, _body(state))
+            controls.append(memory)
+            commands.append(command)
+        characters = Characters.stack([state.body for state in states])
+        goals = goals_of(self.figure, commands)
+        after, positions, distance = advance(self.figure, self._predict, characters, goals)
+        rotations = quat_from_matrix(self.figure.local(after.orientations)).numpy()
+        rows, places, apart = _rows(after), positions.numpy(), distance.tolist()
+        styles = after.past[:, -1, 4:8].argmax(-1).tolist()
+        contacts = (after.lock_weights >= 1).numpy()
+        out = []
+        for i, row in enumerate(rows):
+            gap = apart[i] if commands[i].active else None
+            frame = FrameData(row["hips"], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
+            out.append((CharacterState(row, controls[i]), frame))
+        return out
+
+    def _predict(self, inputs: Inputs) -> Tensor:
+        norm = self._normaliser
+        parts = [norm.apply_to(name, getattr(inputs, name)) for name in ("frame", "goal", "gating")]
+        count = len(parts[0])
+        padding = -count % _ROWS
+        parts = [torch.cat([p, p.new_zeros(padding, p.shape[1])]) if padding else p for p in parts]
+        chunks = [self._network(*(p[i : i + _ROWS] for p in parts)) for i in range(0, count + padding, _ROWS)]
+        return norm.undo("output", torch.cat(chunks)[:count])
+
+
+def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def _rows(characters: Characters) -> list[dict[str, np.ndarray]]:
+    arrays = {f.name: getattr(characters, f.name).numpy() for f in fields(Characters)}
+    return [{name: array[i].copy() for name, array in arrays.items()} for i in range(len(arrays["hips"]))]
+
+
+def _body(state: CharacterState) -> Body:
+    x, z, dx, dz = map(float, state.body["past"][-1, :4])
+    return Body(x, z, math.atan2(dx, dz), float(state.body["hips"][1]))
+
+
+def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:
+    """A batch of one that has stood still for a second."""
+    positions = figure.positions(hips, orientations)
+    frame = figure.frame(positions)
+    row = torch.cat([frame.origin, frame.direction, torch.tensor([[1.0, 0.0, 0.0, 0.0, phase]])], 1)
+    planted = torch.ones(1, 4)
+    return Characters(
+        hips=hips,
+        orientations=orientations,
+        velocities=torch.zeros_like(positions),
+        past=row[:, None].expand(-1, PAST, -1).clone(),
+        future=row[:, None].expand(-1, FUTURE, -1).clone(),
+        contacts=planted,
+        locks=positions[:, figure.contacts],
+        lock_weights=planted.clone(),
+        settled=torch.zeros(1),
+        blend=torch.zeros(1),
+    )
