@@ -1,0 +1,312 @@
+// The demo: object -> goal pose -> walking character. Wires the page's parts together; each part is in its own file.
+
+import * as THREE from "three";
+import { Character } from "./character.js";
+import { makeFurniture, readMesh } from "./furniture.js";
+import { Action, EventType } from "./messages.js";
+import * as panel from "./panel.js";
+import { Playback } from "./playback.js";
+import { packFloats } from "./protobuf.js";
+import * as services from "./services.js";
+import { Stage } from "./stage.js";
+import { Steering } from "./steering.js";
+import { FrameStream } from "./stream.js";
+
+const START_DISTANCE = 3; // [m] in front of the goal pose
+const STEER_EVERY = 100; // [ms]
+
+const at = (id) => document.getElementById(id);
+const stage = new Stage(at("stage"));
+const playback = new Playback();
+const steering = new Steering();
+
+let character, ghost, furniture, upload, object, goal, session, stream;
+let work = null; // AbortController of the goal pose being made
+let phase = "loading";
+let paused = false;
+let steered = false;
+
+function setPhase(text) {
+  phase = text;
+  panel.setPhase(text);
+}
+
+/** Runs what a button or file started; a failure becomes text on the page. */
+async function attempt(action) {
+  panel.hideError();
+  try {
+    await action();
+  } catch (error) {
+    if (error.name === "AbortError") return;
+    setPhase("stopped");
+    panel.showError(error.message);
+  } finally {
+    enableButtons();
+  }
+}
+
+function enableButtons() {
+  at("sit").disabled = at("lie").disabled = !object;
+  at("stand").disabled = at("pause").disabled = !stream;
+  at("restart").disabled = !goal;
+  at("sit").classList.toggle("current", goal?.action === "sit");
+  at("lie").classList.toggle("current", goal?.action === "lie");
+}
+
+// Object
+
+async function useObject(bytes, options) {
+  work?.abort();
+  await endSession();
+  goal = object = undefined;
+  upload = { bytes, ...options };
+  setPhase("reading the object");
+  const [received, triangles] = await Promise.all([
+    services.uploadObject(bytes, options),
+    services.readTriangles(bytes, options.format),
+  ]);
+  object = received;
+  if (furniture) {
+    stage.scene.remove(furniture);
+    furniture.geometry.dispose();
+  }
+  furniture = makeFurniture(readMesh(triangles), object.object_to_world);
+  stage.scene.add(furniture);
+  const [low, high] = [object.bounds_min, object.bounds_max];
+  stage.frame(new THREE.Vector3((low[0] + high[0]) / 2, object.floor_height, (low[2] + high[2]) / 2), 0);
+  panel.showObject(object);
+  await makePose("sit");
+}
+
+async function useFile(file) {
+  const format = file.name.split(".").pop().toLowerCase();
+  await useObject(await file.arrayBuffer(), { format });
+}
+
+async function useBundled({ address, format, unit, up }) {
+  await useObject(await services.getBytes(address), { format, unit, up });
+}
+
+// Goal pose
+
+async function makePose(action) {
+  work?.abort();
+  work = new AbortController();
+  const points = [];
+  setPhase(`fitting: ${action}`);
+  panel.showPoseText("looking for a pose that fits …");
+  ghost.group.visible = false;
+  if (!stream) character.group.visible = false;
+  const onProgress = (progress) => {
+    points.push(progress);
+    panel.drawEnergy(points, progress.iteration_count);
+    panel.showPoseText(`${progress.stage_name}, ${progress.iteration} of ${progress.iteration_count} iterations`);
+    if (progress.pose) ghost.setPose(progress.pose.root_position, progress.pose.rotations);
+  };
+  const began = performance.now();
+  goal = await services.synthesize({ object: object.name, action, seed: 1 }, { onProgress, signal: work.signal });
+  goal.seconds = (performance.now() - began) / 1000;
+  goal.action = action;
+  ghost.setPose(goal.pose.root_position, goal.pose.rotations);
+  ghost.group.visible = at("ghost").checked;
+  panel.showPose(goal);
+  if (!stream) await beginSession();
+  goToGoal();
+}
+
+function goalYaw() {
+  const [x, y, z, w] = goal.pose.rotations[0];
+  return Math.atan2(2 * (x * z + y * w), 1 - 2 * (x * x + y * y));
+}
+
+// Motion
+
+async function beginSession() {
+  const yaw = goalYaw(), [x, , z] = goal.pose.root_position;
+  const start = {
+    x: x + START_DISTANCE * Math.sin(yaw), z: z + START_DISTANCE * Math.cos(yaw), yaw: yaw + Math.PI,
+  };
+  stage.frame(stage.centre, yaw);
+  playback.clear();
+  session = await services.createSession(start, goal.floor_height ?? object.floor_height);
+  stream = new FrameStream(session.name, {
+    frame: (frame) => playback.push(frame),
+    event: receiveEvent,
+    state: (text) => text === "reconnecting" && setPhase(text),
+    failed: (message) => {
+      stream = undefined;
+      setPhase("stopped");
+      panel.showError(message);
+      enableButtons();
+    },
+  });
+  setPaused(false);
+}
+
+async function endSession() {
+  stream?.close();
+  if (session) await services.deleteSession(session.name);
+  stream = session = undefined;
+  steering.stop();
+  stage.showMarker(null);
+}
+
+function receiveEvent(event) {
+  if (event.type === EventType.GOAL_REACHED) setPhase("goal reached");
+  if (event.type === EventType.DRAINING) setPhase("server is stopping");
+}
+
+function goToGoal() {
+  steering.stop();
+  stage.showMarker(null);
+  setPhase("walking to the goal");
+  const pose = {
+    skeleton_id: goal.pose.skeleton_id,
+    root_position: packFloats(goal.pose.root_position),
+    rotations: packFloats(goal.pose.rotations),
+  };
+  stream.control({ goal: { goal_pose: goal.name, pose, action: goal.action === "lie" ? Action.LIE : Action.SIT } });
+}
+
+function standUp() {
+  steering.stop();
+  setPhase("standing up");
+  stream.control({ steer: { velocity_x: 0, velocity_z: 0, action: Action.IDLE } });
+}
+
+async function restart() {
+  await endSession();
+  await beginSession();
+  goToGoal();
+  enableButtons();
+}
+
+function setPaused(value) {
+  paused = value;
+  at("pause").textContent = paused ? "Play" : "Pause";
+  at("pause").setAttribute("aria-pressed", String(paused));
+}
+
+function togglePause() {
+  setPaused(!paused);
+  stream.control({ playback: { paused } });
+}
+
+/** Sends what the keys or the clicked place ask for, ten times a second while they ask. */
+function steer() {
+  if (!stream || !playback.newest) return;
+  const velocity = steering.velocity(character.hips, stage.viewYaw);
+  if (velocity) {
+    steered = true;
+    setPhase("steered by hand");
+    stream.control({ steer: { velocity_x: velocity.x, velocity_z: velocity.z } });
+  } else if (steered) {
+    steered = false;
+    stage.showMarker(null);
+    setPhase("waiting");
+    stream.control({ steer: { velocity_x: 0, velocity_z: 0 } });
+  }
+}
+
+// Input
+
+function bindButtons() {
+  at("sit").onclick = () => attempt(() => makePose("sit"));
+  at("lie").onclick = () => attempt(() => makePose("lie"));
+  at("stand").onclick = standUp;
+  at("restart").onclick = () => attempt(restart);
+  at("pause").onclick = togglePause;
+  at("follow").onchange = (event) => (stage.follow = event.target.checked);
+  at("ghost").onchange = (event) => (ghost.group.visible = event.target.checked && Boolean(goal));
+  at("file").onchange = (event) => event.target.files[0] && attempt(() => useFile(event.target.files[0]));
+  at("upload").onkeydown = (event) => ["Enter", " "].includes(event.key) && at("file").click();
+  at("error").querySelector("button").onclick = panel.hideError;
+  addEventListener("beforeunload", () => session && services.deleteSession(session.name));
+}
+
+function bindKeys() {
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || /SELECT|INPUT/.test(event.target.tagName)) return;
+    const onButton = /BUTTON|LABEL/.test(event.target.tagName);
+    if (stream && steering.press(event.code)) event.preventDefault();
+    else if (event.code === "Space" && stream && !onButton) {
+      event.preventDefault();
+      togglePause();
+    } else if (event.code === "KeyR" && goal) attempt(restart);
+    else if (event.code === "KeyF") at("follow").click();
+  });
+  addEventListener("keyup", (event) => steering.release(event.code));
+  addEventListener("blur", () => steering.stop());
+}
+
+function bindStage() {
+  let down = null;
+  at("stage").addEventListener("pointerdown", (event) => (down = [event.clientX, event.clientY]));
+  at("stage").addEventListener("pointerup", (event) => {
+    const dragged = !down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 4;
+    const place = dragged || event.button !== 0 || !stream ? null : stage.floorPoint(event);
+    if (!place) return;
+    steering.walkTo(place);
+    stage.showMarker(place);
+  });
+}
+
+function bindDrop() {
+  addEventListener("dragover", (event) => {
+    event.preventDefault();
+    at("drop").hidden = false;
+  });
+  addEventListener("dragleave", (event) => event.relatedTarget === null && (at("drop").hidden = true));
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    at("drop").hidden = true;
+    const [file] = event.dataTransfer.files;
+    if (file) attempt(() => useFile(file));
+  });
+}
+
+// The picture
+
+let last = performance.now();
+let drawn = 0;
+function draw(now) {
+  const seconds = Math.min(0.25, (now - last) / 1000);
+  last = now;
+  if (stream && playback.show(character, paused ? 0 : seconds)) stage.followPoint(character.hips, seconds);
+  panel.showFrame(stream ? playback.newest : null, paused ? 0 : playback.rate);
+  stage.draw();
+  drawn += 1;
+  requestAnimationFrame(draw);
+}
+
+async function begin() {
+  const [skeleton, { objects }] = await Promise.all([
+    services.getJson("/v1/skeletons/default"),
+    services.getJson("/viewer/objects"),
+  ]);
+  character = new Character(skeleton);
+  ghost = new Character(skeleton, { ghost: true });
+  stage.scene.add(character.group, ghost.group);
+  for (const [i, { title }] of objects.entries()) at("objects").add(new Option(title, i));
+  at("objects").onchange = (event) => attempt(() => useBundled(objects[event.target.value]));
+  bindButtons();
+  bindKeys();
+  bindStage();
+  bindDrop();
+  setInterval(steer, STEER_EVERY);
+  requestAnimationFrame(draw);
+  await useBundled(objects[0]);
+}
+
+// What the screenshot test asks: it compares the picture with and without the character.
+window.roam = {
+  get phase() { return phase; },
+  get frames() { return playback.newest?.sequence ?? 0; },
+  get action() { return playback.newest?.action ?? 0; },
+  get goalDistance() { return playback.newest?.goal_distance; },
+  get drawn() { return drawn; },
+  get hips() { return character.hips.toArray(); },
+  hideCharacter(hidden) { character.group.visible = !hidden; stage.scene.traverse((o) => o); },
+};
+
+attempt(begin);

@@ -1,0 +1,109 @@
+// One session's frames over WebSocket: the protobuf bytes of Animate, resumed by itself when the connection breaks.
+
+import { AnimateRequest, AnimateResponse, Encoding, EventType, Pacing } from "./messages.js";
+import { decode, encode, floats, snorm16 } from "./protobuf.js";
+
+const RESUME_FOR = 10_000; // [ms] of silence after which a broken stream is given up
+
+export class FrameStream {
+  /** `on` has frame(frame), event(event), state(text) and failed(message). */
+  constructor(session, on) {
+    this.session = session;
+    this.on = on;
+    this.header = null;
+    this.lastSequence = 0;
+    this.lastControl = 0;
+    this.unconfirmed = new Map();
+    this.closed = false;
+    this.brokenSince = 0;
+    this.connect();
+  }
+
+  connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    this.socket = new WebSocket(`${scheme}://${location.host}/v1/${this.session}/stream`);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onopen = () => this.open();
+    this.socket.onmessage = (message) => this.receive(new Uint8Array(message.data));
+    this.socket.onclose = (event) => this.lost(event);
+  }
+
+  open() {
+    this.write({
+      open: {
+        session: this.session,
+        after_sequence: this.lastSequence,
+        resume_token: this.header?.resume_token,
+        rotation_encodings: [Encoding.SNORM16],
+        pacing: Pacing.REALTIME,
+      },
+    });
+  }
+
+  receive(bytes) {
+    this.brokenSince = 0;
+    const { header, frame, event } = decode(AnimateResponse, bytes);
+    if (header) this.receiveHeader(header);
+    else if (frame) this.receiveFrame(frame);
+    else if (event) this.receiveEvent(event);
+  }
+
+  receiveHeader(header) {
+    this.header = header;
+    const confirmed = header.last_control_id ?? 0;
+    this.lastControl = Math.max(this.lastControl, confirmed);
+    for (const id of [...this.unconfirmed.keys()]) if (id <= confirmed) this.unconfirmed.delete(id);
+    for (const control of this.unconfirmed.values()) this.write({ control });
+    this.on.state("live");
+  }
+
+  receiveFrame(frame) {
+    if (frame.sequence <= this.lastSequence) return;
+    this.lastSequence = frame.sequence;
+    const root = floats(frame.root);
+    const packed = this.header.rotation_encoding === Encoding.SNORM16 ? snorm16 : floats;
+    this.on.frame({ ...frame, root: root.subarray(0, 3), rotations: packed(frame.rotations) });
+    this.write({ ack: { sequence: frame.sequence } });
+  }
+
+  receiveEvent(event) {
+    if (event.type === EventType.CONTROL_APPLIED) this.unconfirmed.delete(event.control_id);
+    if (event.type === EventType.SESSION_ENDED) this.closed = true;
+    this.on.event(event);
+  }
+
+  /** Sends a control ({ steer }, { goal } or { playback }); after a break it is sent again. */
+  control(control) {
+    this.lastControl += 1;
+    const numbered = { ...control, control_id: this.lastControl };
+    this.unconfirmed.set(this.lastControl, numbered);
+    if (this.header) this.write({ control: numbered });
+  }
+
+  write(message) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(encode(AnimateRequest, message));
+  }
+
+  lost(event) {
+    if (this.closed) return;
+    // 4000 + HTTP status: the server said no, and asking again would not help.
+    if (event.code >= 4400 && event.code < 4500) {
+      this.closed = true;
+      this.on.failed(`The stream was refused: ${event.reason || event.code}.`);
+      return;
+    }
+    this.brokenSince ||= performance.now();
+    if (performance.now() - this.brokenSince > RESUME_FOR) {
+      this.closed = true;
+      this.on.failed("The connection to the motion service broke and could not be resumed. Is it still running?");
+      return;
+    }
+    this.on.state("reconnecting");
+    setTimeout(() => !this.closed && this.connect(), 300);
+  }
+
+  close() {
+    this.closed = true;
+    this.socket.close();
+  }
+}
