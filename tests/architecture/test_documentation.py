@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from goalpose.settings import GoalPoseSettings
 from motion.settings import MotionSettings
 from roam_command.main import app
 from serving.settings import ServerSettings
@@ -31,7 +32,7 @@ def test_commands_in_the_readme_exist() -> None:
             assert below in commands[command].commands
 
 
-@pytest.mark.parametrize("settings", [ServerSettings, MotionSettings])
+@pytest.mark.parametrize("settings", [ServerSettings, GoalPoseSettings, MotionSettings])
 def test_every_setting_is_documented(settings: type[ServerSettings]) -> None:
     text = (ROOT / "docs" / "operations.md").read_text()
     assert [name for name in settings.model_fields if f"ROAM_{name.upper()}" not in text] == []
