@@ -1,8 +1,10 @@
 """Wiring of the motion server: `python -m motion.app`, or `async with motion_server(settings) as addresses`."""
 
 import asyncio
+import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
+from pathlib import Path
 
 import grpc
 import torch
@@ -22,6 +24,13 @@ from motion.settings import MotionSettings
 from motion.step import Animator
 from motion.websocket import websocket_router
 
+SHIPPED_WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
+
+
+def _load(weights: Path) -> tuple[Animator, str]:
+    """The network, and the hash that GetServerInfo tells."""
+    return Animator.load(weights), f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
+
 
 class MotionService:
     """The motion service as `serving` runs it; implements serving.service.Service."""
@@ -32,8 +41,8 @@ class MotionService:
         self._settings = settings
         self._application: MotionApplication | None = None
         self._models: dict[str, str] = {}
-        skeleton = humanoid_skeleton()
-        self.skeletons = [skeleton_message(skeleton, body_capsules(skeleton))]
+        self._skeleton = humanoid_skeleton()
+        self.skeletons = [skeleton_message(self._skeleton, body_capsules(self._skeleton))]
 
     @property
     def models(self) -> Mapping[str, str]:
@@ -48,9 +57,13 @@ class MotionService:
     async def load(self, metrics: Metrics, readiness: Readiness) -> None:
         """Loads the network and starts the ticker."""
         torch.set_num_threads(self._settings.torch_threads)
-        animator = await asyncio.to_thread(Animator.load, self._settings.motion_weights)
-        self._models = {"motion": animator.weights_hash}
-        self._application = MotionApplication(animator, self.skeletons[0].skeleton, self._settings, metrics.registry)
+        weights = Path(self._settings.motion_weights) if self._settings.motion_weights else SHIPPED_WEIGHTS
+        if not weights.exists():
+            raise FileNotFoundError(f"no motion weights at {weights}; train them with `roam train motion`")
+        animator, digest = await asyncio.to_thread(_load, weights)
+        self._models = {"motion": digest}
+        header = self.skeletons[0].skeleton
+        self._application = MotionApplication(animator, self._skeleton, header, self._settings, metrics.registry)
         self._application.start()
 
     def router(self) -> APIRouter:

@@ -29,8 +29,6 @@ _PAGE = 100
 class StepsCharacters(Protocol):
     """`motion.step.Animator` as this service uses it."""
 
-    @property
-    def skeleton(self) -> Skeleton: ...
     def start(self, position_xz: Sequence[float], yaw: float, seed: int) -> CharacterState: ...
     def step(
         self, states: Sequence[CharacterState], intents: Sequence[Intent]
@@ -43,7 +41,8 @@ class MotionApplication:
     def __init__(
         self,
         animator: StepsCharacters,
-        skeleton: skeleton_pb2.Skeleton,
+        skeleton: Skeleton,
+        header_skeleton: skeleton_pb2.Skeleton,
         settings: MotionSettings,
         registry: CollectorRegistry,
         clock: Callable[[], float] = time,
@@ -52,7 +51,8 @@ class MotionApplication:
         self.sessions = SessionStore(settings.max_sessions, clock)
         self.ticker = Ticker(self.sessions, animator.step, frame_rate=FRAME_RATE, registry=registry)
         self._animator = animator
-        self._skeleton_message = skeleton
+        self._skeleton = skeleton
+        self._header_skeleton = header_skeleton
         self._clock = clock
         self._draining = False
         self._task: asyncio.Task[None] | None = None
@@ -88,7 +88,7 @@ class MotionApplication:
         if known := self.sessions.of_request(request.request_id):
             known.touch()
             return known
-        skeleton = self._animator.skeleton
+        skeleton = self._skeleton
         if request.skeleton_id not in ("", skeleton.id):
             detail = f"this server animates {skeleton.id}"
             raise ServiceError(SKELETON_NOT_FOUND, detail, field="skeleton_id")
@@ -158,7 +158,7 @@ class MotionApplication:
         if isinstance(item, FrameRecord):
             return motion_pb2.AnimateResponse(frame=frame_message(item, stream.session, stream.options))
         if isinstance(item, StreamStart):
-            header = header_message(stream.session, stream.options, item, self._skeleton_message)
+            header = header_message(stream.session, stream.options, item, self._header_skeleton)
             return motion_pb2.AnimateResponse(header=header)
         return motion_pb2.AnimateResponse(event=item)
 
@@ -168,7 +168,7 @@ class MotionApplication:
 
     def _placement(self, request: motion_pb2.CreateSessionRequest) -> tuple[tuple[float, float], float]:
         if request.WhichOneof("start") == "start_pose":
-            pose: Pose = pose_of(request.start_pose, self._animator.skeleton, field="start_pose")
+            pose: Pose = pose_of(request.start_pose, self._skeleton, field="start_pose")
             return (float(pose.root_position[0]), float(pose.root_position[2])), pose.yaw()
         place = request.start_placement
         x, z = _finite(place.x, "start_placement.x"), _finite(place.z, "start_placement.z")

@@ -122,12 +122,10 @@ def control_change(message: motion_pb2.ControlInput, session: Session) -> Contro
 
 def _steer(message: motion_pb2.Steer) -> Steer | Idle:
     velocity = np.array([message.velocity_x, message.velocity_z], np.float32)
-    facing = message.facing if message.HasField("facing") else None
+    facing = _direction(message.facing, "control.steer.facing") if message.HasField("facing") else None
     if not np.isfinite(velocity).all() or np.linalg.norm(velocity) > _FASTEST:
         detail = f"velocity must be finite and at most {_FASTEST:g} m/s"
         raise ServiceError(INVALID_ARGUMENT, detail, field="control.steer.velocity_x")
-    if facing is not None and not np.isfinite(facing):
-        raise ServiceError(INVALID_ARGUMENT, "facing must be finite", field="control.steer.facing")
     if message.action not in (
         skeleton_pb2.ACTION_UNSPECIFIED,
         skeleton_pb2.ACTION_IDLE,
@@ -138,7 +136,7 @@ def _steer(message: motion_pb2.Steer) -> Steer | Idle:
     still = not velocity.any() and facing is None
     if message.action == skeleton_pb2.ACTION_IDLE or still:
         return Idle()
-    return Steer(velocity, facing, "walk")
+    return Steer(velocity, facing)
 
 
 def _goal(message: motion_pb2.Goal, session: Session) -> Goal:
@@ -149,7 +147,15 @@ def _goal(message: motion_pb2.Goal, session: Session) -> Goal:
         raise ServiceError(GOAL_INVALID, detail, field="control.goal.pose")
     pose = pose_of(message.pose, session.skeleton, field="control.goal.pose")
     down = np.array([0, -session.floor_height, 0], np.float32)
-    return Goal(pose.moved(down), ACTIONS[message.action - 1])
+    approach = _direction(message.approach, "control.goal.approach") if message.HasField("approach") else None
+    return Goal(pose.moved(down), ACTIONS[message.action - 1], approach)
+
+
+def _direction(yaw: float, field: str) -> np.ndarray:
+    """The direction (x, z) of a heading."""
+    if not np.isfinite(yaw):
+        raise ServiceError(INVALID_ARGUMENT, "must be a finite angle in radians", field=field)
+    return np.array([np.sin(yaw), np.cos(yaw)], np.float32)
 
 
 def stream_options(message: motion_pb2.Open, *, burst_frames: int, ack_window: int) -> StreamOptions:

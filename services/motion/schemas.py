@@ -82,6 +82,7 @@ class GoalJson(_Strict):
     pose: PoseJson
     action: Literal["sit", "lie"] = "sit"
     goal_pose: str = Field("", description="its name, repeated in events")
+    approach: Number | None = Field(None, description="lying: heading from the hips to the open side [rad]")
 
 
 class PlaybackJson(_Strict):
@@ -106,7 +107,9 @@ class ControlJson(_Strict):
             control.steer.CopyFrom(motion_pb2.Steer(velocity_x=x, velocity_z=z, facing=self.steer.facing))
         if self.goal is not None:
             action = ACTIONS.index(self.goal.action) + 1
-            goal = motion_pb2.Goal(goal_pose=self.goal.goal_pose, pose=self.goal.pose.message())
+            goal = motion_pb2.Goal(
+                goal_pose=self.goal.goal_pose, pose=self.goal.pose.message(), approach=self.goal.approach
+            )
             goal.action = action  # type: ignore[assignment]  # an enum's number
             control.goal.CopyFrom(goal)
         if self.playback is not None:

@@ -9,9 +9,11 @@ from walker import Walker
 
 
 @pytest.fixture
-async def motion_addresses(monkeypatch):
+async def motion_addresses(monkeypatch, tmp_path):
     """Where a real server listens whose characters slide instead of walk."""
     monkeypatch.setattr(Animator, "load", staticmethod(lambda path: Walker()))
-    settings = MotionSettings()
+    weights = tmp_path / "weights.safetensors"
+    weights.write_bytes(b"none needed")
+    settings = MotionSettings(motion_weights=str(weights))
     async with running([MotionService(settings)], settings) as addresses:
         yield addresses

@@ -28,7 +28,9 @@ def clock():
 @pytest.fixture
 async def application(clock):
     settings = MotionSettings(max_sessions=3, idle_timeout=60)
-    application = MotionApplication(Walker(), skeleton_pb2.Skeleton(id="s"), settings, CollectorRegistry(), clock)
+    application = MotionApplication(
+        Walker(), Walker.skeleton, skeleton_pb2.Skeleton(id="s"), settings, CollectorRegistry(), clock
+    )
     yield application
     await application.close()
 

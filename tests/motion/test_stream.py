@@ -23,7 +23,9 @@ ENDED = motion_pb2.EVENT_TYPE_SESSION_ENDED
 async def application():
     """An application whose ticker does not run: tests step by hand."""
     settings = MotionSettings(ring_frames=8, burst_frames=3, ack_window=4)
-    application = MotionApplication(Walker(), skeleton_pb2.Skeleton(id="s"), settings, CollectorRegistry())
+    application = MotionApplication(
+        Walker(), Walker.skeleton, skeleton_pb2.Skeleton(id="s"), settings, CollectorRegistry()
+    )
     yield application
     await application.close()
 

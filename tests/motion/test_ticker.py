@@ -20,7 +20,7 @@ def walker():
 @pytest.fixture
 async def application(walker):
     application = MotionApplication(
-        walker, skeleton_pb2.Skeleton(id="s"), MotionSettings(burst_frames=4), CollectorRegistry()
+        walker, Walker.skeleton, skeleton_pb2.Skeleton(id="s"), MotionSettings(burst_frames=4), CollectorRegistry()
     )
     yield application
     await application.close()

@@ -28,7 +28,6 @@ class Walker:
     poisoned_seed: int | None = None  # a session with this seed fails
 
     skeleton = humanoid_skeleton()
-    weights_hash = "sha256:walker"
 
     def start(self, position_xz, yaw, seed):
         x, z = position_xz

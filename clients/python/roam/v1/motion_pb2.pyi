@@ -203,7 +203,7 @@ class Frame(_message.Message):
     action: _skeleton_pb2.Action.ValueType
     """Dominant action."""
     goal_distance: _builtins.float
-    """Mean joint distance to the goal pose [m]; absent without a goal."""
+    """Mean joint distance to the goal pose [m]; absent unless the character is taking it."""
     joint_positions: _builtins.bytes
     """World joint positions [m], little-endian float32, shape [J, 3]; only when Open asked for them."""
     def __init__(
@@ -315,10 +315,13 @@ class Goal(_message.Message):
     GOAL_POSE_FIELD_NUMBER: _builtins.int
     POSE_FIELD_NUMBER: _builtins.int
     ACTION_FIELD_NUMBER: _builtins.int
+    APPROACH_FIELD_NUMBER: _builtins.int
     goal_pose: _builtins.str
     """Name of the goal pose, if it has one; not looked up, only repeated in events."""
     action: _skeleton_pb2.Action.ValueType
     """SIT or LIE."""
+    approach: _builtins.float
+    """For LIE: heading from the pose's hips to the open side of the furniture [rad]; absent: the side the character is on."""
     @_builtins.property
     def pose(self) -> _skeleton_pb2.Pose:
         """The goal pose, in world space."""
@@ -329,12 +332,15 @@ class Goal(_message.Message):
         goal_pose: _builtins.str = ...,
         pose: _skeleton_pb2.Pose | None = ...,
         action: _skeleton_pb2.Action.ValueType = ...,
+        approach: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["pose", b"pose"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "approach", b"approach", "pose", b"pose"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "goal_pose", b"goal_pose", "pose", b"pose"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "action", b"action", "approach", b"approach", "goal_pose", b"goal_pose", "pose", b"pose"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__approach: _TypeAlias = _typing.Literal["approach"]  # noqa: Y015
+    _WhichOneofArgType__approach: _TypeAlias = _typing.Literal["_approach", b"_approach"]  # noqa: Y015
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__approach) -> _WhichOneofReturnType__approach | None: ...
 
 Global___Goal: _TypeAlias = Goal  # noqa: Y015
 
@@ -452,7 +458,7 @@ class SessionEvent(_message.Message):
     GOAL_POSE_FIELD_NUMBER: _builtins.int
     SKIPPED_COUNT_FIELD_NUMBER: _builtins.int
     type: Global___EventType.ValueType
-    """What happened."""
+    """Its kind."""
     sequence: _builtins.int
     """Sequence it belongs to."""
     message: _builtins.str

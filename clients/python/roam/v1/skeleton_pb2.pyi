@@ -68,7 +68,7 @@ class Skeleton(_message.Message):
     HUMANOID_BONES_FIELD_NUMBER: _builtins.int
     TIPS_FIELD_NUMBER: _builtins.int
     id: _builtins.str
-    """Content hash of the fields below: "sha256:<hex>"."""
+    """Content hash of the fields below but tips: "sha256:<hex>"."""
     rest_offsets: _builtins.bytes
     """Rest offsets from the parent [m], little-endian float32, shape [J, 3]."""
     rest_rotations: _builtins.bytes

@@ -1,0 +1,271 @@
+"""The goal pose service's application object: what HTTP and gRPC both translate to."""
+
+import hashlib
+import io
+import json
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from contextlib import aclosing
+from dataclasses import asdict, dataclass
+from typing import Protocol
+
+import numpy as np
+from prometheus_client import CollectorRegistry, Counter, Histogram
+from roam.v1 import goal_pose_pb2
+from serving.cache import RecentCache
+from serving.compute import ComputeQueue
+from serving.errors import CANCELLED, INVALID_ARGUMENT, PAYLOAD_TOO_LARGE, ServiceError
+from serving.skeletons import SKELETON_NOT_FOUND
+
+from goalpose.errors import OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, from_object_error
+from goalpose.messages import ACTIONS, goal_pose_message, object_message, reference_message
+from goalpose.objects import ObjectError, Shape, load_shape
+from goalpose.progress import Cancelled, Progress
+from goalpose.references import ReferencePair
+from goalpose.settings import GoalPoseSettings
+from goalpose.solving import Solving
+from goalpose.synthesis import SOLVERS, GoalPoseRequest, GoalPoseResult, RequestError
+
+_FIRST_POINTS = 3  # fewer are no surface; the reader of files has the real limit
+
+
+class SynthesizesPoses(Protocol):
+    """`goalpose.synthesis.Synthesizer` as this service uses it."""
+
+    @property
+    def references(self) -> Mapping[str, ReferencePair]: ...
+    @property
+    def field_name(self) -> str: ...
+    def synthesize(
+        self,
+        shape: Shape,
+        request: GoalPoseRequest,
+        *,
+        progress: Callable[[Progress], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> GoalPoseResult: ...
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A checked request: what, besides the weights, decides the answer."""
+
+    object: str
+    reference: str  # id, or "" with an action
+    action: str
+    initial_yaw: float | None
+    restarts: int
+    seed: int
+    solver: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The end of a synthesis."""
+
+    goal_pose: goal_pose_pb2.GoalPose
+    cached: bool
+
+
+class GoalPoseApplication:
+    """Objects by content hash, answers by request hash, one compute thread. All methods run on the event loop."""
+
+    def __init__(self, synthesizer: SynthesizesPoses, settings: GoalPoseSettings, registry: CollectorRegistry) -> None:
+        self.settings = settings
+        self._synthesizer = synthesizer
+        self._objects = RecentCache[str, tuple[Shape, str]](settings.object_cache)  # name → shape, format
+        self._uploads = RecentCache[str, str](4 * settings.object_cache)  # hash of the request → name
+        self._answers = RecentCache[str, goal_pose_pb2.GoalPose](settings.result_cache)
+        self._solving: dict[str, Solving[Progress, goal_pose_pb2.GoalPose]] = {}
+        self._reading = ComputeQueue("upload", limit=settings.upload_limit, registry=registry)
+        self._computing = ComputeQueue("synthesis", limit=settings.queue_limit, registry=registry)
+        self._hits = Counter("roam_goalpose_cache_hits", "Answers from the cache.", registry=registry)
+        self._rejected = Counter("roam_goalpose_uploads_rejected", "Uploads refused.", ("reason",), registry=registry)
+        self._seconds = Histogram(
+            "roam_goalpose_synthesis_seconds",
+            "Time of one synthesis, without waiting.",
+            buckets=(0.25, 0.5, 1, 2, 4, 8, 16, 32, 64),
+            registry=registry,
+        )
+
+    def close(self) -> None:
+        """Frees the threads."""
+        self._reading.close()
+        self._computing.close()
+
+    async def upload(self, data: bytes, format: str, unit: str, up: str) -> goal_pose_pb2.Object:
+        """Reads a file and keeps the object; the same file again costs nothing. Raises a row of OBJECT_ERRORS."""
+        if len(data) > self.settings.max_upload_bytes:
+            detail = f"{len(data)} bytes; at most {self.settings.max_upload_bytes} are accepted"
+            raise ServiceError(PAYLOAD_TOO_LARGE, detail, field="content")
+        digest = hashlib.sha256(data)
+        digest.update(json.dumps([format, unit, up]).encode())
+        name = self._uploads.get(digest.hexdigest())
+        known = self._objects.get(name) if name else None
+        if known is None:
+            shape = await self._read(data, format, unit, up)
+            known = (shape, format)
+            self._objects.put(shape.name, known)
+            self._uploads.put(digest.hexdigest(), shape.name)
+        return object_message(*known)
+
+    def object(self, name: str) -> goal_pose_pb2.Object:
+        """What is known of an uploaded object; OBJECT_NOT_FOUND when it is not here."""
+        return object_message(*self._find(name))
+
+    def reference_poses(self, *, include_points: bool) -> list[goal_pose_pb2.ReferencePose]:
+        """All reference poses."""
+        pairs = self._synthesizer.references.values()
+        return [reference_message(pair, include_points=include_points) for pair in pairs]
+
+    async def check(self, request: goal_pose_pb2.SynthesizeRequest) -> Wanted:
+        """The request with every field checked and inline points made an object."""
+        wanted = Wanted(
+            object=request.object,
+            reference=self._reference(request),
+            action=self._action(request),
+            initial_yaw=request.initial_yaw if request.HasField("initial_yaw") else None,
+            restarts=request.restarts,
+            seed=request.seed,
+            solver=request.solver or "default",
+        )
+        self._check_numbers(wanted)
+        self._check_skeleton(request, wanted)
+        if request.points:
+            if request.object:
+                raise ServiceError(INVALID_ARGUMENT, "give object or points, not both", field="points")
+            return Wanted(**{**asdict(wanted), "object": await self._inline(request.points)})
+        self._find(wanted.object)
+        return wanted
+
+    async def synthesize(self, wanted: Wanted) -> AsyncGenerator[Progress | Answer]:
+        """Progress while the optimisation runs, then the answer. Closing the generator stops it."""
+        key = self._key(wanted)
+        answer = self._answers.get(key)
+        if answer is not None:
+            self._hits.inc()
+            yield Answer(answer, cached=True)
+            return
+        solving = self._solving.get(key)
+        if solving is None or solving.abandoned:
+            solving = self._begin(key, wanted)
+        async with aclosing(solving.watch()) as watching:
+            async for progress in watching:
+                yield progress
+        yield Answer(solving.task.result(), cached=False)
+
+    async def answer(self, wanted: Wanted) -> Answer:
+        """The end of `synthesize` alone."""
+        async with aclosing(self.synthesize(wanted)) as items:
+            async for item in items:
+                if isinstance(item, Answer):
+                    return item
+        raise ServiceError(CANCELLED)
+
+    def _begin(self, key: str, wanted: Wanted) -> Solving[Progress, goal_pose_pb2.GoalPose]:
+        shape, _ = self._find(wanted.object)
+
+        def start(tell: Callable[[Progress], None], cancelled: Callable[[], bool]) -> Awaitable[goal_pose_pb2.GoalPose]:
+            return self._computing.run(lambda: self._solve(shape, wanted, tell, cancelled))
+
+        solving = Solving(start)
+        self._solving[key] = solving
+        solving.task.add_done_callback(lambda _: self._finish(key, solving))
+        return solving
+
+    def _finish(self, key: str, solving: Solving[Progress, goal_pose_pb2.GoalPose]) -> None:
+        if self._solving.get(key) is solving:
+            del self._solving[key]
+        if not solving.task.cancelled() and solving.task.exception() is None:
+            self._answers.put(key, solving.task.result())
+
+    def _solve(
+        self,
+        shape: Shape,
+        wanted: Wanted,
+        tell: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> goal_pose_pb2.GoalPose:
+        """In the compute thread."""
+        with self._seconds.time():
+            try:
+                result = self._synthesizer.synthesize(shape, _request(wanted), progress=tell, cancelled=cancelled)
+            except Cancelled:
+                raise ServiceError(CANCELLED) from None
+            except RequestError as error:
+                raise ServiceError(INVALID_ARGUMENT, str(error), field=error.field) from error
+        return goal_pose_message(result)
+
+    def _key(self, wanted: Wanted) -> str:
+        canonical = json.dumps([asdict(wanted), self._synthesizer.field_name], sort_keys=True)
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+    def _find(self, name: str) -> tuple[Shape, str]:
+        if not name:
+            raise ServiceError(INVALID_ARGUMENT, "object is missing: upload one, or send points", field="object")
+        known = self._objects.get(name)
+        if known is None:
+            raise ServiceError(OBJECT_NOT_FOUND, f"no object {name!r}", field="object")
+        return known
+
+    async def _read(self, data: bytes, format: str, unit: str, up: str) -> Shape:
+        try:
+            return await self._reading.run(lambda: load_shape(data, format, unit=unit or None, up=up or None))
+        except ObjectError as error:
+            self._rejected.labels(error.reason).inc()
+            raise from_object_error(error) from error
+
+    async def _inline(self, data: bytes) -> str:
+        count, rest = divmod(len(data), 12)
+        if rest or not _FIRST_POINTS <= count <= self.settings.max_inline_points:
+            most = self.settings.max_inline_points
+            detail = f"{len(data)} bytes; points are float32 [N, 3], N from {_FIRST_POINTS} to {most}"
+            raise ServiceError(INVALID_ARGUMENT, detail, field="points")
+        file = io.BytesIO()
+        np.save(file, np.frombuffer(data, "<f4").reshape(-1, 3))
+        return (await self.upload(file.getvalue(), "npy", "m", "y")).name
+
+    def _reference(self, request: goal_pose_pb2.SynthesizeRequest) -> str:
+        name = request.reference_pose
+        if not name:
+            return ""
+        reference = name.removeprefix("referencePoses/")
+        if reference not in self._synthesizer.references:
+            known = ", ".join(self._synthesizer.references)
+            raise ServiceError(REFERENCE_POSE_NOT_FOUND, f"no reference pose {name!r}: {known}", field="reference_pose")
+        return reference
+
+    def _action(self, request: goal_pose_pb2.SynthesizeRequest) -> str:
+        if request.reference_pose:
+            return ""
+        for name, number in ACTIONS.items():
+            if number == request.action:
+                return name
+        raise ServiceError(INVALID_ARGUMENT, "name a reference_pose, or the action SIT or LIE", field="action")
+
+    def _check_numbers(self, wanted: Wanted) -> None:
+        if wanted.initial_yaw is not None and not abs(wanted.initial_yaw) < 1e4:
+            raise ServiceError(INVALID_ARGUMENT, "initial_yaw must be an angle in radians", field="initial_yaw")
+        if wanted.restarts > self.settings.max_restarts:
+            detail = f"at most {self.settings.max_restarts}"
+            raise ServiceError(INVALID_ARGUMENT, detail, field="restarts")
+        if wanted.solver not in SOLVERS:
+            detail = f"{wanted.solver!r} is not one of {', '.join(SOLVERS)}"
+            raise ServiceError(INVALID_ARGUMENT, detail, field="solver")
+
+    def _check_skeleton(self, request: goal_pose_pb2.SynthesizeRequest, wanted: Wanted) -> None:
+        pairs = self._synthesizer.references
+        ids = [pair.pose.skeleton.id for key, pair in pairs.items() if wanted.reference in ("", key)]
+        if request.skeleton_id and request.skeleton_id not in ids:
+            detail = f"no reference pose of {request.skeleton_id}"
+            raise ServiceError(SKELETON_NOT_FOUND, detail, field="skeleton_id")
+
+
+def _request(wanted: Wanted) -> GoalPoseRequest:
+    return GoalPoseRequest(
+        reference=wanted.reference or None,
+        action=wanted.action or "sit",
+        initial_yaw=wanted.initial_yaw,
+        restarts=wanted.restarts,
+        seed=wanted.seed,
+        solver=wanted.solver,
+    )

@@ -1,0 +1,43 @@
+"""The goal pose service's rows of the error table."""
+
+from serving.errors import ErrorKind, ServiceError, StatusCode, by_reason
+
+from goalpose.objects.errors import REASONS, ObjectError
+
+OBJECT_NOT_FOUND = ErrorKind(
+    "OBJECT_NOT_FOUND",
+    StatusCode.NOT_FOUND,
+    404,
+    "The server does not have this object (any more)",
+    "Upload it again: names are content hashes, so the same file gets the same name.",
+)
+REFERENCE_POSE_NOT_FOUND = ErrorKind(
+    "REFERENCE_POSE_NOT_FOUND",
+    StatusCode.NOT_FOUND,
+    404,
+    "There is no such reference pose",
+    "Use a name from ListReferencePoses (GET /v1/reference-poses), or name an action and let the server choose.",
+)
+
+_UPLOAD_REMEDY = "The answer's own remedy says what to change in the file or the request."
+
+# What a file can do wrong, from the room that reads files. Too much of a file is 413, everything else 422.
+_TOO_MUCH = {"OBJECT_TOO_LARGE", "OBJECT_TOO_COMPLEX"}
+
+
+def _upload_kind(reason: str, title: str) -> ErrorKind:
+    if reason in _TOO_MUCH:
+        return ErrorKind(reason, StatusCode.RESOURCE_EXHAUSTED, 413, title, _UPLOAD_REMEDY)
+    return ErrorKind(reason, StatusCode.INVALID_ARGUMENT, 422, title, _UPLOAD_REMEDY)
+
+
+OBJECT_ERRORS: tuple[ErrorKind, ...] = tuple(_upload_kind(reason, title) for reason, title in REASONS.items())
+
+GOALPOSE_ERRORS: tuple[ErrorKind, ...] = (OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, *OBJECT_ERRORS)
+
+_BY_REASON = by_reason(OBJECT_ERRORS)
+
+
+def from_object_error(error: ObjectError) -> ServiceError:
+    """What the reader of files refused, as a row of the table."""
+    return ServiceError(_BY_REASON[error.reason], error.message, field=error.field, remedy=error.remedy)

@@ -1,0 +1,17 @@
+"""Settings of the goal pose server."""
+
+from pydantic import Field
+from serving.settings import ServerSettings
+
+
+class GoalPoseSettings(ServerSettings):
+    """What `python -m goalpose.app` takes besides the addresses."""
+
+    field_weights: str = Field("", description="weights of the descriptor field; empty: the shipped ones")
+    references: str = Field("", description="folder of reference pairs; empty: the shipped ones")
+    object_cache: int = Field(64, ge=1, description="uploaded objects kept in memory")
+    result_cache: int = Field(1024, ge=1, description="answers kept in memory")
+    queue_limit: int = Field(16, ge=1, description="goal poses waiting or running before new ones are refused")
+    upload_limit: int = Field(8, ge=1, description="uploads waiting or being read before new ones are refused")
+    max_inline_points: int = Field(200_000, ge=1, description="most points in a request that brings its own")
+    max_restarts: int = Field(64, ge=1, description="most initial headings a request may ask for")
