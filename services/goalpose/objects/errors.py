@@ -21,6 +21,7 @@ REASONS: Mapping[str, str] = {
     "OBJECT_NOT_FINITE": "A coordinate is not a finite number",
     "OBJECT_TOO_FLAT": "The object has no volume to sit on",
     "OBJECT_TOO_FEW_POINTS": "The point cloud is too sparse",
+    "OBJECT_FAR_AWAY": "The object lies too far from its own origin",
     "OBJECT_SIZE_IMPLAUSIBLE": "The object is not furniture-sized",
     "OBJECT_UNIT_UNKNOWN": "The unit is not known",
     "OBJECT_UP_UNKNOWN": "The up axis is not known",
@@ -66,5 +67,5 @@ def malformed(format: str, detail: str) -> ObjectError:
         "OBJECT_MALFORMED",
         field="content",
         message=f"The content cannot be read as {format.upper()}: {detail.rstrip('.')}.",
-        remedy="Open it in a 3D program, check that it shows the object, and export it again (GLB is the safest choice).",
+        remedy="Open it in a 3D program, check that it looks right, and export it again; GLB is the safest choice.",
     )

@@ -91,7 +91,7 @@ def _check_document(document: Mapping[str, Any], limits: Limits) -> None:
 
 
 def _check_accessors(document: Mapping[str, Any]) -> None:
-    """An accessor without a buffer view is all zeros by the specification: a billion of them cost the sender nothing."""
+    """An accessor without a buffer view is all zeros by the specification: a billion cost the sender nothing."""
     available = sum(int(view.get("byteLength", 0)) for view in document.get("bufferViews", ()))
     for accessor in document.get("accessors", ()):
         if int(accessor["count"]) > max(available, 1):

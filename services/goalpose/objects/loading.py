@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from goalpose.objects.axes import check_up, up_rotation
 from goalpose.objects.errors import ObjectError
 from goalpose.objects.geometry import Array, Geometry
 from goalpose.objects.limits import Limits
 from goalpose.objects.reading import read_geometry
-from goalpose.objects.sampling import (
-    Samples,
-    content_seed,
-    sample_cloud,
-    sample_triangles,
-    shuffled_subset,
-    triangle_areas,
-)
+from goalpose.objects.sampling import Samples
 from goalpose.objects.shape import Shape, ShapeWarning
+from goalpose.objects.surface import sample_surface
 from goalpose.objects.units import check_unit, choose_unit
+from goalpose.objects.upright import choose_up
 from goalpose.objects.voxels import Surface, choose_pitch, signed_distance
 
-SAMPLE_COUNT = 20_000
-_DENSE_LEAST, _DENSE_MOST = 40_000, 200_000
-_SAMPLES_PER_CELL = 5.0
-_THINNEST = 0.02  # [m] a box thinner than this in two directions is a line, in one a sheet
+_THINNEST = 0.02  # [m] no furniture's box is thinner
+_FARTHEST = 1000.0  # [m] beyond this from the origin float32 points lose a tenth of a millimetre
 
 
 def load_shape(
@@ -40,7 +33,7 @@ def load_shape(
         data: the whole file.
         format: one of `formats.FORMATS` (see `format_of`).
         unit: `m cm mm in ft`; detected when None.
-        up: `y z x -y -z -x`; detected when None.
+        up: `y z x -y -z -x`; detected when None (glTF is Y-up by its specification, other formats Y or Z).
         limits: bounds on bytes and counts.
 
     Raises:
@@ -53,82 +46,73 @@ def load_shape(
 
 
 def shape_of(geometry: Geometry, *, unit: str | None = None, up: str | None = None) -> Shape:
-    """Bring raw geometry to metres and +Y up, sample it and build its distance grid."""
+    """Bring raw geometry to metres and +Y up, sample it and build its distance grid; raises like `load_shape`."""
     warnings: list[ShapeWarning] = []
-    extents = np.ptp(geometry.vertices, axis=0)
-    guess = choose_unit(float(extents.max()), given=unit, hint=geometry.unit)
-    if guess.doubt:
-        warnings.append(ShapeWarning("OBJECT_UNIT_UNSURE", guess.doubt))
-    _check_thickness(extents * guess.metres)
-    up = up or geometry.up or "y"
+    unit_guess = choose_unit(float(np.ptp(geometry.vertices, axis=0).max()), given=unit, hint=geometry.unit)
+    if unit_guess.doubt:
+        warnings.append(ShapeWarning("OBJECT_UNIT_UNSURE", unit_guess.doubt))
+    scaled = replace(geometry, vertices=geometry.vertices * unit_guess.metres)
+    extents = np.ptp(scaled.vertices, axis=0)
+    _check_box(scaled.vertices, extents)
+    pitch = choose_pitch(extents)
+    samples, surface = sample_surface(scaled, pitch)
+    up = up or geometry.up
+    if up is None:
+        up_guess = choose_up(samples.points, surface.normals if samples.normals is None else samples.normals)
+        up = up_guess.up
+        if up_guess.doubt:
+            warnings.append(ShapeWarning("OBJECT_UP_UNSURE", up_guess.doubt))
+    rotation = up_rotation(up)
     transform = np.eye(4)
-    transform[:3, :3] = up_rotation(up) * guess.metres
-    world = Geometry(geometry.vertices @ transform[:3, :3].T, geometry.faces)
-    return _finish(world, transform, tuple(warnings))
+    transform[:3, :3] = rotation * unit_guess.metres
+    return _assemble(scaled, samples, surface, rotation, transform, pitch, tuple(warnings))
 
 
-def _finish(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...]) -> Shape:
-    bounds = np.stack([world.vertices.min(axis=0), world.vertices.max(axis=0)])
-    pitch = choose_pitch(bounds[1] - bounds[0])
-    samples, surface = _cloud_surface(world) if world.faces is None else _mesh_surface(world, pitch)
-    points = samples.points.astype(np.float32)
+def _assemble(
+    scaled: Geometry,
+    samples: Samples,
+    surface: Surface,
+    rotation: Array,
+    transform: Array,
+    pitch: float,
+    warnings: tuple[ShapeWarning, ...],
+) -> Shape:
+    """Turn everything to +Y up and build the distance grid."""
+    vertices = scaled.vertices @ rotation.T
+    bounds = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+    turn = rotation.T.astype(np.float32)
+    turned = Surface(surface.points @ turn, surface.normals @ turn, surface.spacing)
+    points = (samples.points @ rotation.T).astype(np.float32)
     return Shape(
         name=_name(points, transform),
         points=points,
-        normals=None if samples.normals is None else samples.normals.astype(np.float32),
+        normals=None if samples.normals is None else (samples.normals @ rotation.T).astype(np.float32),
         object_to_world=transform,
         floor_height=float(bounds[0, 1]),
         bounds=bounds,
-        distance=signed_distance(surface, pitch=pitch, floor=float(bounds[0, 1])),
-        mesh=None if world.faces is None else (world.vertices.astype(np.float32), world.faces.astype(np.int32)),
+        distance=signed_distance(turned, pitch=pitch, floor=float(bounds[0, 1])),
+        mesh=None if scaled.faces is None else (vertices.astype(np.float32), scaled.faces.astype(np.int32)),
         warnings=warnings,
     )
 
 
-def _mesh_surface(world: Geometry, pitch: float) -> tuple[Samples, Surface]:
-    """The shape's samples and the denser ones behind its distance grid."""
-    triangles = world.triangles
-    areas = triangle_areas(triangles)
-    area = float(areas.sum())
-    if not area > 1e-6:
-        raise _no_area()
-    seed = content_seed(world)
-    count = int(np.clip(area / pitch**2 * _SAMPLES_PER_CELL, _DENSE_LEAST, _DENSE_MOST))
-    dense = sample_triangles(triangles, areas, count, seed=seed)
-    assert dense.normals is not None
-    surface = Surface(dense.points.astype(np.float32), dense.normals.astype(np.float32), float(np.sqrt(area / count)))
-    return shuffled_subset(dense, SAMPLE_COUNT, seed=seed), surface
-
-
-def _cloud_surface(world: Geometry) -> tuple[Samples, Surface]:
-    """A cloud's own points; for the distance grid with normals by local planes."""
-    samples = sample_cloud(world.vertices, SAMPLE_COUNT, seed=content_seed(world))
-    points = samples.points
-    distances, neighbours = cKDTree(points).query(points, k=12)
-    centred = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
-    _, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))
-    spacing = float(np.percentile(np.asarray(distances)[:, 4], 90))
-    return samples, Surface(points.astype(np.float32), vectors[:, :, 0].astype(np.float32), spacing)
-
-
-def _check_thickness(extents: Array) -> None:
-    """Refuse lines and flat sheets: nothing can sit on them."""
-    if np.sort(extents)[0] < _THINNEST:
+def _check_box(vertices: Array, extents: Array) -> None:
+    """Refuse flat sheets and lines (nothing can sit on them) and objects lost far from their origin."""
+    if extents.min() < _THINNEST:
         raise ObjectError(
             "OBJECT_TOO_FLAT",
             field="content",
             message=f"The object's box is {' x '.join(f'{e:.3f}' for e in extents)} m: flat, not furniture.",
             remedy="Send the whole object in three dimensions; check that no axis was lost in the export.",
         )
-
-
-def _no_area() -> ObjectError:
-    return ObjectError(
-        "OBJECT_EMPTY",
-        field="content",
-        message="All triangles are degenerate: the surface has no area.",
-        remedy="Check the object in a 3D program and export it again.",
-    )
+    farthest = float(np.abs(vertices).max())
+    if farthest > _FARTHEST:
+        raise ObjectError(
+            "OBJECT_FAR_AWAY",
+            field="content",
+            message=f"The object lies {farthest:.0f} m from its origin; at most {_FARTHEST:.0f} m keep precision.",
+            remedy="Move it near the origin before exporting.",
+        )
 
 
 def _name(points: npt.NDArray[np.float32], transform: Array) -> str:

@@ -19,7 +19,7 @@ from goalpose.objects.limits import Limits, check_counts
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)
 
 
-class _Nothing(Resolver):  # type: ignore[misc]
+class _Nothing(Resolver):
     """Answers every request for another file (materials, textures, buffers) with 'not there'."""
 
     def __init__(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from goalpose.objects.errors import ObjectError
 from goalpose.objects.formats import check_content, check_format
-from goalpose.objects.geometry import Geometry
+from goalpose.objects.geometry import Array, Geometry
 from goalpose.objects.limits import Limits, check_bytes, check_counts
 from goalpose.objects.mesh_file import read_mesh_file
 from goalpose.objects.pcd import read_pcd
@@ -60,14 +60,13 @@ def _checked(geometry: Geometry, limits: Limits) -> Geometry:
     return Geometry(vertices, renumber[faces], geometry.up, geometry.unit)
 
 
-def _check_finite(vertices: np.ndarray) -> None:  # type: ignore[type-arg]
-    bad = ~(np.abs(vertices) < _MAX_COORDINATE).all(axis=1)  # NaN compares false
-    if bad.any():
-        where = int(np.argmax(bad))
+def _check_finite(vertices: Array) -> None:
+    bad = np.flatnonzero(~(np.abs(vertices) < _MAX_COORDINATE).all(axis=1))  # NaN compares false
+    if len(bad):
         raise ObjectError(
             "OBJECT_NOT_FINITE",
             field="content",
-            message=f"{int(bad.sum())} of {len(bad)} vertices are not finite or beyond 1e9 (the first is number {where}).",
+            message=f"{len(bad)} of {len(vertices)} vertices are not finite or beyond 1e9; first number {bad[0]}.",
             remedy="Remove those vertices (in Blender: Mesh > Clean Up) and export again.",
         )
 

@@ -44,8 +44,8 @@ def triangle_areas(triangles: Array) -> Array:
 def sample_triangles(triangles: Array, areas: Array, count: int, *, seed: int) -> Samples:
     """`count` points spread by area over triangles `[F, 3, 3]`, in the order of the triangles.
 
-    The cumulated area is cut into `count` equal pieces with one point in each, so a triangle's number of points is never
-    more than one off its fair share; within triangles the points follow a low-discrepancy sequence.
+    The cumulated area is cut into `count` equal pieces with one point in each, so a triangle's number of points is
+    never more than one off its fair share; within triangles the points follow a low-discrepancy sequence.
     """
     cumulated = np.cumsum(areas)
     rng = np.random.default_rng(seed)

@@ -3,11 +3,11 @@
 Free meshes are open, thin, self-intersecting and inconsistently wound, so nothing here trusts closedness or winding:
 
 1. The surface, densely sampled, gives the unsigned distance u at every node.
-2. Nodes with u > r are *free*; r closes gaps narrower than 2 r. Free nodes that air from the sides or the top reaches are
-   *outside*; the floor is closed, and hollows that are walled on all six sides count as body, because furniture is often
-   modelled without its underside.
-3. A node is inside when it is farther than r from everything outside (a morphological closing, so plates thinner than r
-   keep both their faces). Its depth is that distance less r.
+2. Nodes with u > r are *free*; r closes gaps narrower than 2 r. Free nodes that air from the sides or the top reaches
+   are *outside*; the floor is closed, and hollows that are walled on four sides and above and reach down near the floor
+   count as body, because furniture is often modelled without its underside.
+3. A node is inside when it is farther than r from everything outside (a morphological closing, so plates thinner than
+   r keep both their faces). Its depth is that distance less r.
 4. Sheets without thickness are given some, or a grid could not hold them.
 """
 
