@@ -3,6 +3,7 @@
 from goalpose.objects.distance import DistanceGrid
 from goalpose.objects.errors import REASONS, ObjectError
 from goalpose.objects.formats import FORMATS, format_of
+from goalpose.objects.isolation import IsolatedLoader
 from goalpose.objects.limits import Limits
 from goalpose.objects.loading import load_shape
 from goalpose.objects.shape import Shape, ShapeWarning
@@ -11,6 +12,7 @@ __all__ = [
     "FORMATS",
     "REASONS",
     "DistanceGrid",
+    "IsolatedLoader",
     "Limits",
     "ObjectError",
     "Shape",
