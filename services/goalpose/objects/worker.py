@@ -52,8 +52,8 @@ def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
     except Exception:  # a fault of ours, not of the file: the parent logs it
         write_frame(answers, {"fault": traceback.format_exc()[-4000:]}, ())
         return False
-    packed, parts = pack_shape(shape)
-    write_frame(answers, {"shape": packed}, parts)
+    packed, arrays = pack_shape(shape)
+    write_frame(answers, {"shape": packed}, arrays)
     return True
 
 
