@@ -39,21 +39,20 @@ def advance(figure: Figure, predict: Predict, characters: Characters, goals: Goa
     wanted, orientations = blend_pose(answer, root, goals, facing, blend * goals.active, settled)
     contacts = answer.contacts.clamp(0.0, 1.0)
     lying = styles[:, 3].clamp(0.0, 1.0)
-    hips, orientations, locks, weights = plant(
-        figure, characters, wanted, orientations, contacts, seated=blend * goals.active, floor=(lying < 0.5).float()
-    )
-    after = figure.positions(hips, orientations)
+    seated, floor = blend * goals.active, (lying < 0.5).float()
+    feet = plant(figure, characters, positions, wanted, orientations, contacts, seated=seated, floor=floor)
+    after = figure.positions(feet.hips, feet.orientations)
     moved = Characters(
-        hips=hips,
-        orientations=orientations,
+        hips=feet.hips,
+        orientations=feet.orientations,
         velocities=(after - positions) * FRAME_RATE,
         past=_past(figure, characters, answer, after, styles),
         future=_future(characters, answer, root, facing, goals),
         contacts=contacts,
-        locks=locks,
-        lock_weights=weights,
+        locks=feet.locks,
+        lock_weights=feet.weights,
         settled=settled,
-        blend=blend * goals.active,
+        blend=seated,
     )
     whole = moved.past[:, -1:, 8:].floor()
     moved.past = torch.cat([moved.past[..., :8], moved.past[..., 8:] - whole], -1)

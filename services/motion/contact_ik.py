@@ -1,9 +1,12 @@
 """Foot locking: a planted foot stays where it was put, the leg and, if it must, the pelvis follow.
 
 The published code leaves this inoperative (METHOD-NOTES, decision 6). A contact is held on the floor from its first
-frame; on release the foot goes over to the network's place within a few frames. Near the goal pose, a foot held away from
-its place there makes one small lifted step, never a slide. Ankles and toes are kept above the floor.
+frame; on release the foot goes over to the network's place within a few frames, never faster than feet move. A planted
+foot is held at its ankle, and turned so that its toes stay too; once the heel lifts it is held at its toes. Near the goal
+pose, a foot held away from its place there makes one small lifted step, never a slide. Feet are kept above the floor.
 """
+
+from dataclasses import dataclass
 
 import torch
 from character.kinematics import two_bone_ik
@@ -15,43 +18,65 @@ from motion.state import Characters
 
 _ON, _OFF = 0.55, 0.35  # contact probability that starts and ends a lock
 _RELEASE, _STEP = 0.25, 0.09  # weight lost per frame: leaving the floor when walking, adjusting step when seated
-_STRAY = 0.20  # [m] a foot that the network wants this far away is let go
+_OVERREACH = 0.01  # [m] a lock this far beyond the straight leg is let go
+_STRAY = 0.15  # [m] a foot that the network wants this far away is let go
 _MISPLACED = 0.012  # [m] a seated foot farther than this from its goal place takes a step
 _LIFT = 0.03  # [m] height of that step
 _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
 _REACH = 0.998  # share of the leg's length that counts as straight
+_FASTEST = 0.105, 0.06  # [m] an ankle moves per frame at most, walking and when seated (0.105: 3.2 m/s)
+
+
+@dataclass(frozen=True)
+class Planted:
+    """Feet for the next frame."""
+
+    hips: Tensor  # [B, 3]
+    orientations: Tensor  # [B, J, 3, 3]
+    locks: Tensor  # [B, 4, 3]
+    weights: Tensor  # [B, 4]
 
 
 def plant(
     figure: Figure,
     characters: Characters,
+    before: Tensor,
     wanted: Tensor,
     orientations: Tensor,
     contacts: Tensor,
     *,
     seated: Tensor,
     floor: Tensor,
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Feet for the next frame.
+) -> Planted:
+    """Brings the feet to where they belong.
 
-    Args: `wanted` [B, J, 3] the blended joint positions, `orientations` [B, J, 3, 3], `contacts` [B, 4] probabilities,
-    `seated` [B] the bidirectional weight, `floor` [B] 1 where feet belong on the floor (0 when lying).
-    Returns hips [B, 3], orientations, lock positions [B, 4, 3], lock weights [B, 4].
+    Args: `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the blended ones, `orientations` [B, J, 3, 3],
+    `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B] 1 where feet belong on the floor
+    (0 when lying).
     """
     track = wanted[:, figure.contacts]
-    locks, weights = _locks(characters, track, contacts * floor[:, None], seated)
+    within = _within_reach(figure, wanted, characters.locks)
+    locks, weights = _locks(characters, track, contacts * floor[:, None], seated, within)
     eased = weights * weights * (3 - 2 * weights)
-    pull = eased[..., None] * (locks - track)
-    ankle = track[:, [0, 2]] + pull[:, [0, 2]] + (1 - eased[:, [0, 2], None]) * pull[:, [1, 3]]
-    apart = (locks - track)[:, [0, 2]].norm(dim=-1)
-    arc = torch.sin(torch.pi * weights[:, [0, 2]]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
-    height = torch.maximum(track[:, [0, 2], 1] + arc, torch.full_like(arc, _LEAST_ANKLE))
-    ankle = torch.stack([ankle[..., 0], height, ankle[..., 2]], -1)
-    hips, orientations = _reach(figure, wanted[:, 0], orientations, ankle)
-    return hips, _toes_up(figure, orientations, ankle), locks, weights
+    arms = _arms(figure, orientations, track, locks, eased)
+    ankle = _ankles(track, locks, weights, eased, arms, seated)
+    ankle = _not_too_fast(before[:, figure.contacts[[0, 2]]], ankle, seated)
+    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle)
+    return Planted(hips, _feet_turned(figure, reached, arms), locks, weights)
 
 
-def _locks(characters: Characters, track: Tensor, contacts: Tensor, seated: Tensor) -> tuple[Tensor, Tensor]:
+def _within_reach(figure: Figure, wanted: Tensor, locks: Tensor) -> Tensor:
+    """Whether each lock [B, 4] can be held by its leg from where the hips are going: else body and foot hold each other up."""
+    thigh, shin, foot, toes = figure.legs.T
+    length = figure.offsets[shin].norm(dim=-1) + figure.offsets[foot].norm(dim=-1)
+    longest = torch.stack([length, length + figure.offsets[toes].norm(dim=-1)], -1) + _OVERREACH  # [2, 2]
+    apart = (locks.reshape(-1, 2, 2, 3) - wanted[:, thigh, None]).norm(dim=-1)
+    return (apart < longest).flatten(1)
+
+
+def _locks(
+    characters: Characters, track: Tensor, contacts: Tensor, seated: Tensor, within: Tensor
+) -> tuple[Tensor, Tensor]:
     """Next lock positions [B, 4, 3] and weights [B, 4]: 1 held, between letting go, 0 free."""
     weights = characters.lock_weights
     held = weights >= 1
@@ -61,11 +86,51 @@ def _locks(characters: Characters, track: Tensor, contacts: Tensor, seated: Tens
     away = (weights > 0) & (weights < 1)
     other = away[:, [2, 3, 0, 1]].reshape(-1, 2, 2).any(-1).repeat_interleave(2, -1)
     first = misplaced[:, :2].any(-1, keepdim=True) & torch.tensor([False, False, True, True])
-    stay = held & (contacts > _OFF) & (apart < _STRAY) & ~(misplaced & ~other & ~first)
+    stay = held & within & (contacts > _OFF) & (apart < _STRAY) & ~(misplaced & ~other & ~first)
     start = (weights <= 0) & (contacts > _ON)
     rate = torch.where(seated[:, None] > 0.5, _STEP, _RELEASE)
     weights = torch.where(stay | start, torch.ones_like(weights), (weights - rate).clamp_min(0.0))
     return torch.where(start[..., None], track, characters.locks), weights
+
+
+def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, eased: Tensor) -> Tensor:
+    """Ankle-to-toes vectors [B, 2, 3]: turned to the held toes where both are held, raised until the toes are above ground."""
+    foot, toes = figure.legs[:, 2], figure.legs[:, 3]
+    arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
+    both = (eased[:, [0, 2]] * eased[:, [1, 3]])[..., None]
+    flat, held = arm[..., [0, 2]], (locks[:, [1, 3]] - locks[:, [0, 2]])[..., [0, 2]]
+    direction = torch.lerp(_unit(flat), _unit(held), both)
+    least = _LEAST_TOES - track[:, [0, 2], 1].clamp_min(_LEAST_ANKLE)
+    raised = torch.maximum(arm[..., 1], least)
+    length = figure.offsets[toes].norm(dim=-1)
+    across = (length.square() - raised.square()).clamp_min(1e-6).sqrt()[..., None] * _unit(direction)
+    return torch.stack([across[..., 0], raised, across[..., 1]], -1)
+
+
+def _unit(vectors: Tensor) -> Tensor:
+    return vectors / vectors.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+
+
+def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: Tensor, seated: Tensor) -> Tensor:
+    """Ankle targets [B, 2, 3]."""
+    free = track[:, [0, 2]]
+    heel_held, heel, toe = weights[:, [0, 2], None] >= 1, eased[:, [0, 2], None], eased[:, [1, 3], None]
+    by_toes = torch.lerp(free, locks[:, [1, 3]] - arms, toe)
+    by_heel = torch.lerp(by_toes, locks[:, [0, 2]], heel)
+    toes_held = (weights[:, [1, 3], None] >= 1) & ~heel_held
+    ankle = torch.where(toes_held, by_toes, by_heel)
+    apart = (locks - track)[:, [0, 2]].norm(dim=-1)
+    arc = torch.sin(torch.pi * weights[:, [0, 2]]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
+    height = (free[..., 1] + arc).clamp_min(_LEAST_ANKLE)
+    return torch.stack([ankle[..., 0], height, ankle[..., 2]], -1)
+
+
+def _not_too_fast(before: Tensor, ankle: Tensor, seated: Tensor) -> Tensor:
+    """Ankle targets no farther from the last shown ones than feet move in a frame."""
+    step = ankle - before
+    length = step.norm(dim=-1, keepdim=True)
+    most = torch.where(seated > 0.5, _FASTEST[1], _FASTEST[0])[:, None, None]
+    return before + step * (most / length.clamp_min(1e-6)).clamp_max(1.0)
 
 
 def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) -> tuple[Tensor, Tensor]:
@@ -76,7 +141,8 @@ def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) ->
     stretch = ankle - joints[:, thigh]
     reach = stretch.norm(dim=-1, keepdim=True).clamp_min(1e-6)
     excess = (reach - _REACH * length[:, None]).clamp(0.0, 0.05) * stretch / reach
-    shift = torch.where(excess[:, 0].norm(dim=-1, keepdim=True) > excess[:, 1].norm(dim=-1, keepdim=True), excess[:, 0], excess[:, 1])
+    larger = excess[:, 0].norm(dim=-1, keepdim=True) > excess[:, 1].norm(dim=-1, keepdim=True)
+    shift = torch.where(larger, excess[:, 0], excess[:, 1])
     hips, joints = hips + shift, joints + shift[:, None]
     bend = orientations[:, thigh][..., 2]
     upper, lower = two_bone_ik(joints[:, thigh], joints[:, shin], joints[:, foot], ankle, bend=bend)
@@ -86,17 +152,11 @@ def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) ->
     return hips, orientations
 
 
-def _toes_up(figure: Figure, orientations: Tensor, ankle: Tensor) -> Tensor:
-    """Turns each foot up until its toe joint is above the floor."""
+def _feet_turned(figure: Figure, orientations: Tensor, arms: Tensor) -> Tensor:
+    """Turns feet (and toes with them) so that the toes are at `arms` [B, 2, 3] from the ankles."""
     foot, toes = figure.legs[:, 2], figure.legs[:, 3]
-    arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]  # [B, 2, 3]
-    least = _LEAST_TOES - ankle[..., 1]
-    raised = torch.maximum(arm[..., 1], least)
-    flat = arm[..., [0, 2]]
-    length = figure.offsets[toes].norm(dim=-1)
-    across = (length.square() - raised.square()).clamp_min(1e-6).sqrt() / flat.norm(dim=-1).clamp_min(1e-6)
-    target = torch.stack([flat[..., 0] * across, raised, flat[..., 1] * across], -1)
-    turn = quat_to_matrix(quat_between(arm, target))
+    arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
+    turn = quat_to_matrix(quat_between(arm, arms))
     orientations[:, foot] = turn @ orientations[:, foot]
     orientations[:, toes] = turn @ orientations[:, toes]
     return orientations

@@ -1,6 +1,6 @@
 """Episodes flattened to tensors, and the batched views that training takes of them: states, goals, what comes next."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +75,15 @@ class Dataset:
             settled=torch.zeros(batch),
             blend=torch.zeros(batch),
         )
+
+    def emphasised(self, factor: float, frames: int = 60) -> "Dataset":
+        """The same data, with the first `frames` of every interaction and every rise drawn `factor` times as often."""
+        at = torch.arange(len(self))
+        fixed = self.goal >= 0
+        active = fixed & (self.goal_active[self.goal.clamp_min(0)] > 0)
+        earlier = torch.maximum(at - frames, self.first)
+        beginning = active & (self.intent[earlier] != self.intent)
+        return replace(self, weight=torch.where((fixed & ~active) | beginning, self.weight * factor, self.weight))
 
     def _clamped(self, at: Tensor, steps: Tensor) -> Tensor:
         return torch.minimum(at[:, None] + steps, self.last[at][:, None])

@@ -16,12 +16,12 @@ from pathlib import Path
 import torch
 
 from motion.figure import humanoid_figure
-from motion.training.dataset import Dataset
 from motion.training.library import LibraryConfig, load_library
 from motion.training.loop import Learner, TrainingConfig, config_json, make_learner, train
 from motion.training.validation import rollout_scores
 from motion.training.weights import export
 
+_EMPHASIS = 2.0  # sitting down and rising are short but hard
 _OWN_FOLDERS = ("cmu_footlock", "derived_seat", "derived_lie")
 
 
@@ -65,6 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     print("preparing the data (cached afterwards) …", flush=True)
     dataset, held_out, summary = load_library(figure, library, options.cache)
     print(json.dumps(summary), flush=True)
+    dataset = dataset.emphasised(_EMPHASIS)
     config = _config(options)
     run: Path = options.out
     run.mkdir(parents=True, exist_ok=True)
@@ -85,12 +86,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     train(figure, dataset, config, run, learner=learner, validate=validate, report=lambda line: print(line, flush=True))
     if options.export:
-        export(run / "best.pt", options.export, figure, _start_dataset(dataset))
+        export(run / "best.pt", options.export, figure, dataset)
     return 0
-
-
-def _start_dataset(dataset: Dataset) -> Dataset:
-    return dataset
 
 
 def _config(options: argparse.Namespace) -> TrainingConfig:
