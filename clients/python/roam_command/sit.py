@@ -73,7 +73,7 @@ def sit(
             posed = time.perf_counter()
             placement = place_wanted or in_front_of(goal, DEFAULT_DISTANCE)
             with client.create_session(placement, seed=seed, floor_height=goal.floor_height) as session:
-                counter = _FrameCounter(bar, frames)
+                counter = _FrameCounter(bar, goal)
                 motion = session.bake(goal, hold=hold, stand_up=stand_up, max_frames=frames, on_frame=counter.show)
             times = Times(posed - began, time.perf_counter() - posed)
         for path in outputs:
@@ -95,20 +95,20 @@ class Times:
 
 
 class _FrameCounter:
-    """Shows baked frames on the bar."""
+    """Shows the way to the goal on the bar."""
 
-    def __init__(self, bar: Bar, limit: int) -> None:
+    def __init__(self, bar: Bar, goal: GoalPose) -> None:
         self._bar = bar
-        self._task = bar.add_task("walking", total=limit, note="")
-        self._start: float | None = None
+        self._goal = goal
+        self._task = bar.add_task("walking", total=1.0, note="")
+        self._farthest = 1e-6  # [m]
 
     def show(self, frame: Frame) -> None:
-        """One more frame; the bar follows the way to the goal."""
-        distance = frame.goal_distance
-        note = frame.action.name.lower() if distance is None else f"{frame.action.name.lower()}  {distance:.2f} m to go"
-        if distance is not None:
-            self._start = max(self._start or distance, distance, 1e-6)
-            self._bar.update(self._task, total=1.0, completed=1 - distance / self._start, note=note)
+        """One more frame."""
+        distance = float(np.linalg.norm(frame.joint_positions - self._goal.joint_positions, axis=-1).mean())
+        self._farthest = max(self._farthest, distance)
+        note = f"{frame.action.name.lower()}  {distance:.2f} m to go"
+        self._bar.update(self._task, completed=1 - distance / self._farthest, note=note)
 
 
 def parse_start(text: str) -> Placement:

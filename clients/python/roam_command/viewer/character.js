@@ -68,7 +68,7 @@ export class Character {
       this.materials.hair,
     );
     hair.position.copy(centre);
-    hair.rotation.x = -0.5;
+    hair.rotation.x = -0.35;
     this.addMesh(this.joints[index], hair);
   }
 

@@ -72,7 +72,7 @@ async function useObject(bytes, options) {
   }
   furniture = makeFurniture(readMesh(triangles), object.object_to_world);
   stage.scene.add(furniture);
-  const [low, high] = [object.bounds_min, object.bounds_max];
+  const [low, high] = object.bounds;
   stage.frame(new THREE.Vector3((low[0] + high[0]) / 2, object.floor_height, (low[2] + high[2]) / 2), 0);
   panel.showObject(object);
   await makePose("sit");
@@ -130,7 +130,7 @@ async function beginSession() {
   playback.clear();
   session = await services.createSession(start, goal.floor_height ?? object.floor_height);
   stream = new FrameStream(session.name, {
-    frame: (frame) => playback.push(frame),
+    frame: receiveFrame,
     event: receiveEvent,
     state: (text) => text === "reconnecting" && setPhase(text),
     failed: (message) => {
@@ -149,6 +149,14 @@ async function endSession() {
   stream = session = undefined;
   steering.stop();
   stage.showMarker(null);
+}
+
+function receiveFrame(frame) {
+  if (phase === "reconnecting") setPhase("walking to the goal");
+  if (phase === "walking to the goal" && frame.action === Action.SIT) setPhase("sitting down");
+  if (phase === "walking to the goal" && frame.action === Action.LIE) setPhase("lying down");
+  if (phase === "standing up" && frame.action === Action.IDLE) setPhase("standing");
+  playback.push(frame);
 }
 
 function receiveEvent(event) {
@@ -203,7 +211,7 @@ function steer() {
   } else if (steered) {
     steered = false;
     stage.showMarker(null);
-    setPhase("waiting");
+    setPhase("standing");
     stream.control({ steer: { velocity_x: 0, velocity_z: 0 } });
   }
 }
@@ -267,13 +275,24 @@ function bindDrop() {
 
 // The picture
 
+/** Mean joint distance when the server tells it (near the goal), else how far the hips are from it on the floor. */
+function distanceToGoal() {
+  const frame = stream && playback.newest;
+  if (!frame || !goal) return null;
+  if (frame.goal_distance !== undefined) return frame.goal_distance;
+  const [x, , z] = goal.pose.root_position;
+  return Math.hypot(frame.root[0] - x, frame.root[2] - z);
+}
+
 let last = performance.now();
 let drawn = 0;
+let hideCharacter = false;
 function draw(now) {
   const seconds = Math.min(0.25, (now - last) / 1000);
   last = now;
   if (stream && playback.show(character, paused ? 0 : seconds)) stage.followPoint(character.hips, seconds);
-  panel.showFrame(stream ? playback.newest : null, paused ? 0 : playback.rate);
+  panel.showFrame(stream ? playback.newest : null, paused ? 0 : playback.rate, distanceToGoal());
+  if (hideCharacter) character.group.visible = false;
   stage.draw();
   drawn += 1;
   requestAnimationFrame(draw);
@@ -303,10 +322,10 @@ window.roam = {
   get phase() { return phase; },
   get frames() { return playback.newest?.sequence ?? 0; },
   get action() { return playback.newest?.action ?? 0; },
-  get goalDistance() { return playback.newest?.goal_distance; },
+  get goalDistance() { return distanceToGoal(); },
   get drawn() { return drawn; },
   get hips() { return character.hips.toArray(); },
-  hideCharacter(hidden) { character.group.visible = !hidden; stage.scene.traverse((o) => o); },
+  hideCharacter(hidden) { hideCharacter = hidden; },
 };
 
 attempt(begin);

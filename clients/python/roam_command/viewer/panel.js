@@ -7,11 +7,10 @@ const LEFT_FEET = 0b0011, RIGHT_FEET = 0b1100; // contacts: leftFoot, leftToes, 
 
 export const setPhase = (text) => (at("hud-phase").textContent = text);
 
-export function showFrame(frame, rate) {
+export function showFrame(frame, rate, distance) {
   at("hud-action").textContent = ACTION_NAMES[frame?.action ?? 0] || "–";
-  const distance = frame?.goal_distance;
   at("hud-distance").textContent =
-    distance === undefined ? "–" : distance < 0.995 ? `${(100 * distance).toFixed(1)} cm` : `${distance.toFixed(2)} m`;
+    distance === null ? "–" : distance < 0.995 ? `${(100 * distance).toFixed(1)} cm` : `${distance.toFixed(2)} m`;
   at("hud-rate").textContent = rate ? rate.toFixed(0) : "–";
   const [left, right] = at("hud-contacts").children;
   left.className = (frame?.contacts ?? 0) & LEFT_FEET ? "down" : "";
@@ -28,7 +27,7 @@ export function hideError() {
 }
 
 export function showObject(object) {
-  const [low, high] = [object.bounds_min, object.bounds_max];
+  const [low, high] = object.bounds;
   const size = high.map((value, i) => ((value - low[i]) * 100).toFixed(0)).join(" × ");
   const doubts = (object.warnings ?? []).map((warning) => warning.message).join(" ");
   at("object-note").textContent = `${size} cm (width × height × depth). ${doubts}`;

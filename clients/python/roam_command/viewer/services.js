@@ -36,7 +36,7 @@ const postJson = (path, body, options = {}) =>
 
 /** Uploads furniture to goalpose; `unit` and `up` are detected when not given. */
 export async function uploadObject(bytes, { format, unit, up }) {
-  const query = new URLSearchParams({ format, ...(unit && { unit }), ...(up && { up_axis: up }) });
+  const query = new URLSearchParams({ format, ...(unit && { unit }), ...(up && { up }) });
   const headers = { "Content-Type": "application/octet-stream" };
   return (await request(`/v1/objects?${query}`, { method: "POST", body: bytes, headers })).json();
 }

@@ -51,11 +51,11 @@ export class Stage {
     this.floor = new THREE.Group();
     const ground = new THREE.Mesh(
       new THREE.CircleGeometry(30, 64),
-      new THREE.MeshStandardMaterial({ color: 0xe9ecef, roughness: 0.95 }),
+      new THREE.MeshStandardMaterial({ color: 0xe4e8ec, roughness: 0.95 }),
     );
     ground.rotation.x = -Math.PI / 2;
     ground.receiveShadow = true;
-    const grid = new THREE.GridHelper(24, 24, 0x8b98a5, 0xb9c3cc); // one metre a square
+    const grid = new THREE.GridHelper(24, 24, 0x6f7f8e, 0x93a1ae); // one metre a square
     grid.material.transparent = true;
     grid.material.opacity = 0.55;
     grid.position.y = 0.002;
@@ -85,7 +85,7 @@ export class Stage {
     this.floorHeight = centre.y;
     this.floor.position.set(0, centre.y, 0);
     const direction = yaw + 0.75;
-    const distance = 5.2;
+    const distance = 4.8;
     this.controls.target.set(centre.x, centre.y + 0.75, centre.z);
     this.camera.position.set(
       centre.x + distance * Math.sin(direction), centre.y + 2.1, centre.z + distance * Math.cos(direction),
@@ -132,7 +132,9 @@ export class Stage {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    // The panel covers the left of a wide window: the middle of the picture is the middle of what is left.
+    const covered = width > 820 ? 150 : 0;
+    this.camera.setViewOffset(width, height, -covered, 0, width, height);
   }
 
   draw() {

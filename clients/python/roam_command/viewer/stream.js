@@ -42,7 +42,15 @@ export class FrameStream {
 
   receive(bytes) {
     this.brokenSince = 0;
-    const { header, frame, event } = decode(AnimateResponse, bytes);
+    let message;
+    try {
+      message = decode(AnimateResponse, bytes);
+    } catch (error) {
+      this.close();
+      this.on.failed(`The stream cannot be read: ${error.message}.`);
+      return;
+    }
+    const { header, frame, event } = message;
     if (header) this.receiveHeader(header);
     else if (frame) this.receiveFrame(frame);
     else if (event) this.receiveEvent(event);

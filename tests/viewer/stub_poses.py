@@ -1,0 +1,56 @@
+"""The real goal pose service around a solver that knows the answer: the browser tests are not about optimising."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from goalpose.app import GoalPoseService
+from goalpose.application import GoalPoseApplication
+from goalpose.progress import Progress
+from goalpose.references import load_reference
+from goalpose.synthesis import GoalPoseResult
+from serving.metrics import Metrics
+from serving.readiness import Readiness
+
+REFERENCE = Path(__file__).parents[2] / "examples/references/chair_sit.json"
+
+
+class KnownAnswer:
+    """Puts the reference pose, as it is, over the middle of the object, its lowest joint on the floor."""
+
+    field_name = "stub"
+
+    def __init__(self) -> None:
+        self.references = {"chair_sit": load_reference(REFERENCE)}
+
+    def synthesize(self, shape, request, *, progress=None, cancelled=None) -> GoalPoseResult:
+        pair = self.references["chair_sit"]
+        middle = shape.bounds.mean(0)
+        lowest = float(pair.pose.positions()[:, 1].min()) - 0.03
+        root = pair.pose.root_position
+        pose = pair.pose.moved(np.array([middle[0] - root[0], shape.floor_height - lowest, middle[2] - root[2]]))
+        for iteration in range(1, 6):
+            step = Progress(1 + iteration // 3, iteration, 5, 1.0 / iteration, pose)
+            if progress is not None:
+                progress(step)
+            time.sleep(0.1)
+        return GoalPoseResult(
+            name=f"goalPoses/sha256:{request.action}",
+            pose=pose,
+            energies={"descriptor": 0.2, "total": 0.2},
+            diagnostics={"hip_seat_distance": 0.01, "penetration_depth": 0.0},
+            warnings=(),
+            reference=pair.id,
+            action=request.action,
+            floor_height=shape.floor_height,
+            object=shape.name,
+            seconds=0.5,
+            candidates=(),
+        )
+
+
+class StubGoalPoseService(GoalPoseService):
+    """Everything of the service but its field."""
+
+    async def load(self, metrics: Metrics, readiness: Readiness) -> None:
+        self._application = GoalPoseApplication(KnownAnswer(), self._settings, metrics.registry)
