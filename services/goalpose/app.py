@@ -17,8 +17,10 @@ from serving.server import Addresses, running, serve
 from serving.skeletons import skeleton_message
 
 from goalpose import rpc
-from goalpose.application import GoalPoseApplication
+from goalpose.application import GoalPoseApplication, ReadsObjects
 from goalpose.http import goalpose_router
+from goalpose.objects import Limits, load_shape
+from goalpose.objects.isolation import IsolatedLoader
 from goalpose.settings import GoalPoseSettings
 from goalpose.synthesis import Synthesizer, SynthesizerSettings
 
@@ -31,6 +33,7 @@ class GoalPoseService:
     def __init__(self, settings: GoalPoseSettings) -> None:
         self._settings = settings
         self._application: GoalPoseApplication | None = None
+        self._loader: IsolatedLoader | None = None
         self._models: dict[str, str] = {}
         skeleton = humanoid_skeleton()
         self.skeletons = [skeleton_message(skeleton, body_capsules(skeleton))]
@@ -53,9 +56,12 @@ class GoalPoseService:
     async def load(self, metrics: Metrics, readiness: Readiness) -> None:
         """Loads the field and the reference pairs."""
         torch.set_num_threads(self._settings.torch_threads)
-        synthesizer = await asyncio.to_thread(Synthesizer.load, _synthesizer_settings(self._settings))
+        synthesizer, load = await asyncio.gather(
+            asyncio.to_thread(Synthesizer.load, _synthesizer_settings(self._settings)),
+            asyncio.to_thread(self._warm_reader),
+        )
         self._models = {"field": synthesizer.field_name}
-        self._application = GoalPoseApplication(synthesizer, self._settings, metrics.registry)
+        self._application = GoalPoseApplication(synthesizer, load, self._settings, metrics.registry)
 
     def router(self) -> APIRouter:
         """HTTP routes."""
@@ -72,6 +78,16 @@ class GoalPoseService:
         """Frees the threads."""
         if self._application is not None:
             self._application.close()
+        if self._loader is not None:
+            await asyncio.to_thread(self._loader.close)
+
+    def _warm_reader(self) -> ReadsObjects:
+        """What uploads are read with; starting a child process takes about as long as loading the field."""
+        if not self._settings.isolate_uploads:
+            return load_shape
+        self._loader = IsolatedLoader(limits=Limits(bytes=self._settings.max_upload_bytes))
+        self._loader.warm()
+        return self._loader.load
 
     def _loaded(self) -> GoalPoseApplication:
         if self._application is None:

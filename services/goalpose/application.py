@@ -18,7 +18,7 @@ from serving.skeletons import SKELETON_NOT_FOUND
 
 from goalpose.errors import OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, from_object_error
 from goalpose.messages import ACTIONS, goal_pose_message, object_message, reference_message
-from goalpose.objects import ObjectError, Shape, load_shape
+from goalpose.objects import ObjectError, Shape
 from goalpose.progress import Cancelled, Progress
 from goalpose.references import ReferencePair
 from goalpose.settings import GoalPoseSettings
@@ -45,6 +45,12 @@ class SynthesizesPoses(Protocol):
     ) -> GoalPoseResult: ...
 
 
+class ReadsObjects(Protocol):
+    """`goalpose.objects.load_shape`, or the same in a child process."""
+
+    def __call__(self, data: bytes, format: str, *, unit: str | None = None, up: str | None = None) -> Shape: ...
+
+
 @dataclass(frozen=True)
 class Wanted:
     """A checked request: what, besides the weights, decides the answer."""
@@ -69,8 +75,15 @@ class Answer:
 class GoalPoseApplication:
     """Objects by content hash, answers by request hash, one compute thread. All methods run on the event loop."""
 
-    def __init__(self, synthesizer: SynthesizesPoses, settings: GoalPoseSettings, registry: CollectorRegistry) -> None:
+    def __init__(
+        self,
+        synthesizer: SynthesizesPoses,
+        load: ReadsObjects,
+        settings: GoalPoseSettings,
+        registry: CollectorRegistry,
+    ) -> None:
         self.settings = settings
+        self._load = load
         self._synthesizer = synthesizer
         self._objects = RecentCache[str, tuple[Shape, str]](settings.object_cache)  # name → shape, format
         self._uploads = RecentCache[str, str](4 * settings.object_cache)  # hash of the request → name
@@ -209,7 +222,7 @@ class GoalPoseApplication:
 
     async def _read(self, data: bytes, format: str, unit: str, up: str) -> Shape:
         try:
-            return await self._reading.run(lambda: load_shape(data, format, unit=unit or None, up=up or None))
+            return await self._reading.run(lambda: self._load(data, format, unit=unit or None, up=up or None))
         except ObjectError as error:
             self._rejected.labels(error.reason).inc()
             raise from_object_error(error) from error

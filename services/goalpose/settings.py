@@ -9,6 +9,7 @@ class GoalPoseSettings(ServerSettings):
 
     field_weights: str = Field("", description="weights of the descriptor field; empty: the shipped ones")
     references: str = Field("", description="folder of reference pairs; empty: the shipped ones")
+    isolate_uploads: bool = Field(True, description="read files in child processes with limits, not in the server")
     object_cache: int = Field(64, ge=1, description="uploaded objects kept in memory")
     result_cache: int = Field(1024, ge=1, description="answers kept in memory")
     queue_limit: int = Field(16, ge=1, description="goal poses waiting or running before new ones are refused")

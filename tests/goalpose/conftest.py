@@ -18,6 +18,6 @@ def poser():
 async def goalpose_addresses(monkeypatch, poser):
     """Where a real server listens that solves nothing."""
     monkeypatch.setattr(Synthesizer, "load", classmethod(lambda cls, settings: poser))
-    settings = GoalPoseSettings(max_upload_bytes=200_000, queue_limit=2, max_inline_points=1000)
+    settings = GoalPoseSettings(max_upload_bytes=200_000, queue_limit=2, max_inline_points=1000, isolate_uploads=False)
     async with running([GoalPoseService(settings)], settings) as addresses:
         yield addresses

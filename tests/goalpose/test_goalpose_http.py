@@ -6,9 +6,14 @@ import threading
 
 import httpx
 import numpy as np
+import psutil
 import pytest
 import trimesh
+from goalpose.app import GoalPoseService
+from goalpose.settings import GoalPoseSettings
+from goalpose.synthesis import Synthesizer
 from poser import box_file
+from serving.server import running
 
 
 @pytest.fixture
@@ -222,3 +227,19 @@ async def test_openapi_describes_every_route(client):
     for path, methods in paths.items():
         for name, method in methods.items():
             assert method["summary"], f"{name} {path}"
+
+
+async def test_uploads_are_read_in_a_child_process(monkeypatch, poser):
+    monkeypatch.setattr(Synthesizer, "load", classmethod(lambda cls, settings: poser))
+    settings = GoalPoseSettings()
+    service = GoalPoseService(settings)
+    async with (
+        running([service], settings) as addresses,
+        httpx.AsyncClient(base_url=addresses.http, timeout=30) as client,
+    ):
+        children = psutil.Process().children()
+        assert any("goalpose.objects.worker" in child.cmdline() for child in children)
+        assert (await upload(client)).status_code == 201
+        refused = await upload(client, content=b"?", params={"format": "glb"})
+        assert refused.json()["reason"] == "OBJECT_MALFORMED"
+    assert not any(child.is_running() for child in children)
