@@ -1,7 +1,7 @@
 """Query point → invariant numbers → activations → occupancy (paper 3.1.1, Ω, and Eq. 3).
 
-The numbers that enter are inner products and distances, hence invariant under rotation and translation of object and query
-together. They come at three reaches: the global frame, and two soft averages over the anchors around the query.
+The numbers that enter are inner products and distances, hence invariant under rotation and translation of object and
+query together. They come at three reaches: the global frame, and two soft averages over the anchors near the query.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Decoder(nn.Module):
         self.outer = nn.ModuleList(nn.Linear(c.hidden, c.hidden) for _ in range(c.decoder_blocks))
         self.heads = nn.Linear(c.hidden, 5)
         for layer in self.outer:
-            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.get_parameter("weight"))
 
     def inputs(self, latent: Latent, queries: Tensor) -> Tensor:
         """Invariant numbers `[B, Q, inputs]` of queries `[B, Q, 3]` [m, the cloud's frame]."""

@@ -77,9 +77,9 @@ def squared_distances(a: Tensor, b: Tensor) -> Tensor:
 def neighbourhoods(anchors: Tensor, cloud: Tensor) -> tuple[Tensor, Tensor]:
     """What each anchor sees around it, at three scales.
 
-    Vectors `[B, 3, M, 10]`: its position; its offset to the neighbourhood's mean; the neighbourhood's covariance applied to
-    the position and to the widest offset (both lean towards the surface's directions). Scalars `[B, M, 10]`: radius,
-    density, spread and flatness.
+    Vectors `[B, 3, M, 10]`: its position; its offset to the neighbourhood's mean; the neighbourhood's covariance
+    applied to the position and to the widest offset (both lean towards the surface's directions).
+    Scalars `[B, M, 10]`: radius, density, spread and flatness.
     """
     weight = torch.exp(squared_distances(anchors, cloud).mul_(-0.5 / SCALES[0] ** 2))
     x, y, z = cloud.unbind(-1)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Latent:
-    """Codes of a batch of B objects. Everything but `center`, `frame` and the vectors is invariant under rotation."""
+    """Codes of a batch of B objects; `frame`, `anchors` and the vectors in `local` turn with it."""
 
     center: Tensor
     """`[B, 3]` mean of the surface points [m]; queries are taken relative to it."""

@@ -1,8 +1,8 @@
 """Vector neurons: features that are 3D vectors and turn with the object.
 
-A vector feature is `[B, 3, N, C]`: the space axis comes before the points, so that a linear layer is one matrix product
-over `[B * 3 * N, C]` and no per-edge tensor is ever made. Mixing channels commutes with any rotation R acting on the space
-axis; lengths and inner products of vectors are invariant under it (Deng et al., Vector Neurons, 2021).
+A vector feature is `[B, 3, N, C]`: the space axis comes before the points, so that a linear layer is one matrix
+product over `[B * 3 * N, C]` and no per-edge tensor is ever made. Mixing channels commutes with any rotation of the
+space axis; lengths and inner products of vectors are invariant under it (Deng et al., Vector Neurons, 2021).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ class VectorBlock(nn.Module):
     """One residual step on vectors `[B, 3, N, C]` and the invariant scalars `[B, N, F]` that travel with them.
 
     Each point sees itself, the smoothed features of its neighbourhood and the mean of the object. Vectors are mixed
-    linearly without bias and scaled by gates computed from invariants: the vector-neuron non-linearity at a third of the
-    cost of projecting on learned directions.
+    linearly without bias and scaled by gates computed from invariants: a non-linearity that needs fewer passes over
+    the vectors than projecting them on learned directions.
     """
 
     def __init__(self, channels: int, scalars: int, shared: int) -> None:

@@ -1,9 +1,9 @@
 """Procedural furniture: unions of parametric solids with exact occupancy, and where one sits on them.
 
-    solids.py sheets.py     the bricks
-    legs.py seats.py backs.py   the parts
-    chair.py sofa.py …      one file per kind
-    catalog.py              the list of kinds: add yours there
+solids.py sheets.py     the bricks
+legs.py seats.py backs.py   the parts
+chair.py sofa.py …      one file per kind
+catalog.py              the list of kinds: add yours there
 """
 
 from goalpose.furniture.catalog import CATEGORIES, generate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from goalpose.furniture import backs, chair, legs, seats
+from goalpose.furniture import arms, backs, chair, legs, seats
 from goalpose.furniture.dice import Dice
 from goalpose.furniture.piece import Furniture
 from goalpose.furniture.sheets import Wall
@@ -26,7 +26,7 @@ def open_arms(dice: Dice) -> tuple[list[Solid], Array]:
     space = chair.back_space(dice, hx, hz, top)
     solids = seats.seat_plate(dice, hx, hz, top, thickness, round_share=0.05)
     solids += backs.any_back(dice, space)
-    solids += seats.thin_arms(dice, hx, hz, top, rise=dice.between(0.14, 0.26), back_z=space.z - space.lean * 0.2)
+    solids += arms.thin_arms(dice, hx, hz, top, rise=dice.between(0.14, 0.26), back_z=space.z - space.lean * 0.2)
     solids += chair.stand(dice, hx, hz, top - thickness * 0.8)
     return solids, vector(0, top, 0)[None]
 
@@ -43,11 +43,13 @@ def upholstered(dice: Dice) -> tuple[list[Solid], Array]:
     solids = seat_block(dice, hx, hz, top)
     high = top + dice.between(0.3, 0.68)
     thick = dice.between(0.08, 0.24)
-    space = backs.BackSpace(hx + arm * dice.pick([0.0, 0.5, 1.0]), -hz - thick * 0.2, top - 0.1, high, dice.between(0, 0.35), thick)
+    space = backs.BackSpace(
+        hx + arm * dice.pick([0.0, 0.5, 1.0]), -hz - thick * 0.2, top - 0.1, high, dice.between(0, 0.35), thick
+    )
     solids += backs.padded(dice, space)
     arm_top = top + dice.between(0.1, 0.28)
     low = dice.pick([0.02, 0.06, top - 0.2])
-    solids += seats.thick_arms(dice, hx, (-hz - thick * 0.4, hz), max(low, 0.0), arm_top, thickness=arm)
+    solids += arms.thick_arms(dice, hx, (-hz - thick * 0.4, hz), max(low, 0.0), arm_top, thickness=arm)
     if dice.chance(0.3):
         solids.append(_loose_pillow(dice, space, hx))
     if dice.chance(0.15):
@@ -62,7 +64,9 @@ def seat_block(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
     middle = vector(0, top - cushion / 2, 0)
     pad: Solid = Box(center=middle, half=vector(hx, cushion / 2, hz), radius=rounded)
     if dice.chance(0.35):
-        pad = Pillow(center=middle, half=vector(hx, cushion / 2, hz), plan=dice.between(5, 9), profile=dice.between(2.5, 5))
+        pad = Pillow(
+            center=middle, half=vector(hx, cushion / 2, hz), plan=dice.between(5, 9), profile=dice.between(2.5, 5)
+        )
     if dice.chance(0.65):
         return [pad, *legs.plinth(dice, hx, hz, top - cushion * 0.8)]
     base = Box(center=vector(0, top - cushion, 0), half=vector(hx, cushion * 0.4, hz))
@@ -79,7 +83,8 @@ def _loose_pillow(dice: Dice, space: backs.BackSpace, hx: float) -> Solid:
 def _wings(dice: Dice, space: backs.BackSpace) -> list[Solid]:
     half = vector(0.03, space.length * 0.25, dice.between(0.06, 0.12))
     return [
-        Box(center=space.at(k * space.hx, 0.72, half[2]), half=half, rotation=space.rotation, radius=0.028) for k in (-1, 1)
+        Box(center=space.at(k * space.hx, 0.72, half[2]), half=half, rotation=space.rotation, radius=0.028)
+        for k in (-1, 1)
     ]
 
 
@@ -101,7 +106,11 @@ def barrel(dice: Dice) -> tuple[list[Solid], Array]:
     )
     half = np.array([[hx, hz], [hx, hz], [hx * 0.96, hz * 0.96]])
     cushion = Loft(heights=np.array([top - padded, top - 0.02, top]), half=half, power=2.0 + dice.between(0, 1.5))
-    base = legs.pedestal(dice, top - padded, radius=0.24) if dice.chance(0.2) else legs.four_legs(dice, hx * 0.75, hz * 0.75, top - padded * 0.8)
+    base = (
+        legs.pedestal(dice, top - padded, radius=0.24)
+        if dice.chance(0.2)
+        else legs.four_legs(dice, hx * 0.75, hz * 0.75, top - padded * 0.8)
+    )
     if low < 0.1:
         base = [Loft(heights=np.array([low, top - padded]), half=np.array([[hx, hz], [hx, hz]]), power=2.0), *base]
     return [wall, cushion, *base], vector(0, top, 0.0)[None]
@@ -121,7 +130,15 @@ def hooped(dice: Dice) -> tuple[list[Solid], Array]:
     if flat:
         radius = vector(hx + 0.03, hz + 0.04)
         band = dice.between(0.05, 0.16)
-        solids.append(Wall(radius=radius, thickness=0.025, sweep=sweep, bottom=top + rise - band, top=vector(top + rise, top + rise)))
+        solids.append(
+            Wall(
+                radius=radius,
+                thickness=0.025,
+                sweep=sweep,
+                bottom=top + rise - band,
+                top=vector(top + rise, top + rise),
+            )
+        )
     else:
         solids.append(Tube(path=rail, radius=dice.between(0.012, 0.02)))
     for k in np.linspace(0, 16, dice.count(3, 9)).astype(int):

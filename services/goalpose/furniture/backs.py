@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -86,7 +87,7 @@ def ladder(dice: Dice, s: BackSpace) -> list[Solid]:
     wrap = -dice.between(0.01, 0.05) if dice.chance(0.4) else 0.0
     thick = dice.between(0.01, 0.025)
     solids = posts(dice, s, radius=radius, high=dice.pick([1.0, 1.0, 1.06]))
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         bottom = high - (high - low) * fill
         slat = BackSpace(hx=s.hx - radius, z=s.z, low=s.low, high=s.high, lean=s.lean, thickness=thick)
         if wrap:
@@ -149,7 +150,11 @@ def hoop(dice: Dice, s: BackSpace) -> list[Solid]:
     angle = np.linspace(0, np.pi, 15)
     radius = dice.between(0.01, 0.018)
     shoulder = dice.between(0.4, 0.75)
-    path = [s.at(s.hx, 0.0), *[s.at(s.hx * np.cos(a), shoulder + (1 - shoulder) * np.sin(a)) for a in angle], s.at(-s.hx, 0.0)]
+    path = [
+        s.at(s.hx, 0.0),
+        *[s.at(s.hx * np.cos(a), shoulder + (1 - shoulder) * np.sin(a)) for a in angle],
+        s.at(-s.hx, 0.0),
+    ]
     solids: list[Solid] = [Tube(path=np.stack(path), radius=radius)]
     style = dice.pick(["sticks", "pad", "inner"])
     if style == "sticks":
@@ -157,7 +162,9 @@ def hoop(dice: Dice, s: BackSpace) -> list[Solid]:
             solids.append(Tube(path=np.stack([s.at(x, 0.0), s.at(x, 0.9)]), radius=radius * 0.6))
     elif style == "pad":
         half = vector(s.hx - radius, s.length * 0.33, max(s.thickness / 2, 0.015))
-        solids.append(Pillow(center=s.at(0, 0.62), half=half[[0, 2, 1]], rotation=s.rotation @ turn_x(np.pi / 2), plan=2.5))
+        solids.append(
+            Pillow(center=s.at(0, 0.62), half=half[[0, 2, 1]], rotation=s.rotation @ turn_x(np.pi / 2), plan=2.5)
+        )
     else:
         inner = [s.at(p[0] * 0.6, (p[1] - s.low) / (s.high - s.low) * 0.85) for p in path]
         solids.append(Tube(path=np.stack(inner), radius=radius * 0.8))
@@ -169,7 +176,11 @@ def splat(dice: Dice, s: BackSpace) -> list[Solid]:
     radius = dice.between(0.012, 0.022)
     middle = BackSpace(dice.between(0.05, 0.11), s.z, s.low, s.high, s.lean, dice.between(0.01, 0.02))
     rail = BackSpace(s.hx, s.z, s.low, s.high, s.lean, radius * 2)
-    return [*posts(dice, s, radius=radius), panel(dice, middle), panel(dice, rail, start=0.85, end=dice.between(0.95, 1.1))]
+    return [
+        *posts(dice, s, radius=radius),
+        panel(dice, middle),
+        panel(dice, rail, start=0.85, end=dice.between(0.95, 1.1)),
+    ]
 
 
 def padded(dice: Dice, s: BackSpace) -> list[Solid]:
@@ -178,7 +189,9 @@ def padded(dice: Dice, s: BackSpace) -> list[Solid]:
     deep = BackSpace(s.hx, s.z, s.low, s.high, s.lean, thick)
     if dice.chance(0.4):
         half = vector(s.hx, s.length / 2, thick * 0.7)
-        cushion = Pillow(center=s.at(0, 0.5), half=half[[0, 2, 1]], rotation=s.rotation @ turn_x(np.pi / 2), plan=dice.between(4, 8))
+        cushion = Pillow(
+            center=s.at(0, 0.5), half=half[[0, 2, 1]], rotation=s.rotation @ turn_x(np.pi / 2), plan=dice.between(4, 8)
+        )
         return [cushion]
     return [panel(dice, deep)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from goalpose.furniture import backs, legs, seats
+from goalpose.furniture import arms, backs, legs, seats
 from goalpose.furniture.dice import Dice
 from goalpose.furniture.piece import Furniture
 from goalpose.furniture.solids import Array, Box, Solid, vector
@@ -23,10 +23,12 @@ def build(dice: Dice) -> Furniture:
     else:
         solids += legs.plinth(dice, hx, hz, top - thickness * 0.8)
     if dice.chance(0.45):
-        space = backs.BackSpace(hx, -hz, top - 0.02, top + dice.between(0.25, 0.52), dice.between(0, 0.3), dice.between(0.015, 0.06))
+        space = backs.BackSpace(
+            hx, -hz, top - 0.02, top + dice.between(0.25, 0.52), dice.between(0, 0.3), dice.between(0.015, 0.06)
+        )
         solids += backs.any_back(dice, space)
         if dice.chance(0.5):
-            solids += seats.thin_arms(dice, hx, hz, top, rise=dice.between(0.14, 0.24), back_z=-hz)
+            solids += arms.thin_arms(dice, hx, hz, top, rise=dice.between(0.14, 0.24), back_z=-hz)
     elif dice.chance(0.2):
         solids += [Box(center=vector(k * hx, top + 0.06, 0), half=vector(0.02, 0.1, hz)) for k in (-1, 1)]
     return Furniture("bench", tuple(solids), places(hx, top))

@@ -1,4 +1,4 @@
-"""The list of everything that can be generated. A new kind of furniture is one file with `build(dice)` and one line here."""
+"""The list of everything that can be generated: a new kind of furniture is one file with `build(dice)` and one line."""
 
 from __future__ import annotations
 

@@ -63,7 +63,12 @@ def rear_legs_as_posts(dice: Dice, space: backs.BackSpace, top: float) -> list[S
     radius = dice.between(0.012, 0.022)
     kick = dice.between(0.0, 0.12)
     return [
-        Tube(path=np.stack([vector(k * space.hx, radius, space.z - kick), space.at(k * space.hx, 0), space.at(k * space.hx, 0.9)]), radius=radius)
+        Tube(
+            path=np.stack(
+                [vector(k * space.hx, radius, space.z - kick), space.at(k * space.hx, 0), space.at(k * space.hx, 0.9)]
+            ),
+            radius=radius,
+        )
         for k in (-1, 1)
     ]
 

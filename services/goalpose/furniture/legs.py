@@ -1,4 +1,4 @@
-"""What furniture stands on: four legs of many shapes, sled and cantilever frames, pedestals, star feet, rockers, plinths.
+"""What furniture stands on: four legs of many shapes, sleds and cantilevers, pedestals, star feet, rockers, plinths.
 
 Each function returns solids that reach from the floor to `top` [m] under a seat of half width `hx` and half depth `hz`.
 """
@@ -11,7 +11,9 @@ from goalpose.furniture.dice import Dice
 from goalpose.furniture.solids import Array, Box, Loft, Solid, Tube, turn_y, vector
 
 
-def post(foot: Array, head: Array, *, foot_half: float, head_half: float, power: float = 40.0, bow: float = 0.0) -> Loft:
+def post(
+    foot: Array, head: Array, *, foot_half: float, head_half: float, power: float = 40.0, bow: float = 0.0
+) -> Loft:
     """A tapered, tilted post from `foot` to `head` `[3]`, cut flat at both ends; `bow` bends it outwards [m]."""
     steps = np.linspace(0, 1, 7 if bow else 2)
     half = np.repeat((foot_half + (head_half - foot_half) * steps)[:, None], 2, axis=1)
@@ -39,9 +41,7 @@ def turned(foot: Array, head: Array, dice: Dice, *, half: float) -> Loft:
 def corners(hx: float, hz: float, *, splay_x: float = 0.0, splay_z: float = 0.0) -> list[tuple[Array, Array]]:
     """(foot, head) in x and z of the four legs, front left first; splay moves the feet outwards."""
     signs = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
-    return [
-        (vector(x * (hx + splay_x), 0, z * (hz + splay_z)), vector(x * hx, 0, z * hz)) for x, z in signs
-    ]
+    return [(vector(x * (hx + splay_x), 0, z * (hz + splay_z)), vector(x * hx, 0, z * hz)) for x, z in signs]
 
 
 def four_legs(dice: Dice, hx: float, hz: float, top: float, *, rungs: float = 0.4) -> list[Solid]:
@@ -104,12 +104,17 @@ def sled(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
     elif style == "loop":
         path = [(front, top), (front, low), (back, low), (back, top), (front, top)]
     elif style == "cantilever":
-        path = [(-hz, top), (front - 0.03, top), (front, top - 0.04), (front, low + 0.04), (front - 0.03, low), (back, low)]
+        path = [
+            (-hz, top),
+            (front - 0.03, top),
+            (front, top - 0.04),
+            (front, low + 0.04),
+            (front - 0.03, low),
+            (back, low),
+        ]
     else:
         path = [(front, low), (hz * 0.5, top), (0.0, top), (-hz * 0.5, top), (back, low)]
-    solids: list[Solid] = [
-        Tube(path=np.array([(side * x, y, z) for z, y in path]), radius=radius) for side in (-1, 1)
-    ]
+    solids: list[Solid] = [Tube(path=np.array([(side * x, y, z) for z, y in path]), radius=radius) for side in (-1, 1)]
     if style in {"skid", "cantilever"}:
         solids.append(Tube(path=np.array([(-x, low, back), (x, low, back)]), radius=radius))
     if style == "hairpin":
@@ -145,8 +150,14 @@ def star_foot(dice: Dice, top: float, *, reach: float) -> list[Solid]:
         arm = np.stack([vector(0, hub - 0.02, 0), out * reach + vector(0, low, 0)])
         solids.append(Tube(path=arm, radius=dice.between(0.012, 0.02)))
         if castors:
-            solids.append(Box(center=out * reach + vector(0, wheel, 0), half=vector(0.016, wheel, wheel), radius=wheel * 0.7,
-                              rotation=turn_y(angle + dice.between(-1, 1))))
+            solids.append(
+                Box(
+                    center=out * reach + vector(0, wheel, 0),
+                    half=vector(0.016, wheel, wheel),
+                    radius=wheel * 0.7,
+                    rotation=turn_y(angle + dice.between(-1, 1)),
+                )
+            )
     return solids
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from goalpose.furniture import legs
@@ -23,7 +25,14 @@ def build(dice: Dice) -> Furniture:
     if dice.chance(0.3):
         y = seat[1] + dice.between(0.14, 0.22)
         for side in (-1, 1):
-            path = np.array([(side * hx, seat[1], 0.2), (side * hx, y, 0.18), (side * hx, y, -0.3), (side * hx, seat[1] + 0.1, -0.32)])
+            path = np.array(
+                [
+                    (side * hx, seat[1], 0.2),
+                    (side * hx, y, 0.18),
+                    (side * hx, y, -0.3),
+                    (side * hx, seat[1] + 0.1, -0.32),
+                ]
+            )
             solids.append(Tube(path=path, radius=0.014))
     lie = np.array([[0, *profile[-1][::-1]], [0, *profile[0][::-1]]])
     return Furniture("lounger", tuple(solids), seat[None], lie)
@@ -34,7 +43,9 @@ def _long_profile(dice: Dice) -> tuple[Array, Array]:
     top, back, lean = dice.between(0.2, 0.42), dice.between(0.55, 0.8), dice.between(0.6, 1.25)
     rise, knee = back * np.cos(lean), dice.between(0.0, 0.14)
     z = -0.2 - back * np.sin(lean)
-    control = np.array([(z, top + rise), (-0.2, top + 0.03), (0.0, top), (0.35, top + knee), (dice.between(0.8, 1.15), top - 0.02)])
+    control = np.array(
+        [(z, top + rise), (-0.2, top + 0.03), (0.0, top), (0.35, top + knee), (dice.between(0.8, 1.15), top - 0.02)]
+    )
     return smooth_curve(control, count=18), vector(0, top + 0.01, 0.0)
 
 
@@ -42,7 +53,12 @@ def _deck_profile(dice: Dice) -> tuple[Array, Array]:
     """A steep sling as of a deck chair."""
     top, lean, back = dice.between(0.26, 0.38), dice.between(0.4, 0.8), dice.between(0.6, 0.8)
     control = np.array(
-        [(-0.2 - back * np.sin(lean), top + back * np.cos(lean)), (-0.22, top + 0.05), (0.0, top), (dice.between(0.25, 0.4), top + 0.06)]
+        [
+            (-0.2 - back * np.sin(lean), top + back * np.cos(lean)),
+            (-0.22, top + 0.05),
+            (0.0, top),
+            (dice.between(0.25, 0.4), top + 0.06),
+        ]
     )
     return smooth_curve(control, count=14), vector(0, top + 0.01, 0.0)
 
@@ -54,7 +70,7 @@ def _mat(dice: Dice, profile: Array, hx: float, thick: float) -> list[Solid]:
         width = np.full(len(profile), hx)
         return [Sheet(profile=profile, thickness=thick, half_width=width, bend=np.full(len(profile), abs(sag)))]
     slats: list[Solid] = []
-    for a, b in zip(profile[:-1], profile[1:], strict=True):
+    for a, b in pairwise(profile):
         ends = np.stack([a * 0.85 + b * 0.15, a * 0.15 + b * 0.85])
         slats.append(Sheet(profile=ends, thickness=min(thick, 0.03), half_width=np.full(2, hx)))
     rails = [np.stack([np.full(len(profile), s * hx), profile[:, 1], profile[:, 0]], -1) for s in (-1, 1)]

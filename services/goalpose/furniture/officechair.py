@@ -15,15 +15,24 @@ def build(dice: Dice) -> Furniture:
     top = dice.between(0.40, 0.54)
     if dice.chance(0.25):
         solids, seat = chair.shell_chair(dice, top)
-        return Furniture("officechair", (solids[0], *legs.star_foot(dice, top - 0.02, reach=dice.between(0.24, 0.34))), seat)
+        return Furniture(
+            "officechair", (solids[0], *legs.star_foot(dice, top - 0.02, reach=dice.between(0.24, 0.34))), seat
+        )
     hx, hz = dice.between(0.21, 0.28), dice.between(0.21, 0.27)
     thick = dice.between(0.04, 0.12)
     space = backs.BackSpace(
-        hx * dice.between(0.7, 1.0), -hz - 0.01, top + dice.between(0.0, 0.14), top + dice.between(0.4, 0.72), dice.between(0.05, 0.25), dice.between(0.03, 0.11)
+        hx * dice.between(0.7, 1.0),
+        -hz - 0.01,
+        top + dice.between(0.0, 0.14),
+        top + dice.between(0.4, 0.72),
+        dice.between(0.05, 0.25),
+        dice.between(0.03, 0.11),
     )
     solids = seats.seat_plate(dice, hx, hz, top, thick, round_share=0.05)
     solids += backs.padded(dice, space) if dice.chance(0.6) else [backs.curved(dice, space)]
-    spine = np.stack([vector(0, top - thick, 0), vector(0, top - thick, space.z - 0.04), space.at(0, 0.4, -space.thickness / 2)])
+    spine = np.stack(
+        [vector(0, top - thick, 0), vector(0, top - thick, space.z - 0.04), space.at(0, 0.4, -space.thickness / 2)]
+    )
     solids.append(Tube(path=spine, radius=dice.between(0.014, 0.03)))
     if dice.chance(0.65):
         solids += office_arms(dice, hx, top)

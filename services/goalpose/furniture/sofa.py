@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from goalpose.furniture import backs, legs, seats
+from goalpose.furniture import arms, backs, legs
 from goalpose.furniture.bench import places
 from goalpose.furniture.dice import Dice
 from goalpose.furniture.piece import Furniture
@@ -50,15 +50,24 @@ def _block_sofa(dice: Dice, hx: float, hz: float, top: float, count: int) -> lis
     high = top + dice.between(0.24, 0.56)
     solids = _base(dice, hx, hz, top - cushion * 0.85)
     solids += cushions(dice, hx, hz, top, cushion, count if dice.chance(0.75) else 1)
-    arms = dice.chance(0.85)
-    outer = hx + (arm if arms and dice.chance(0.6) else 0.0)
-    space = backs.BackSpace(outer, -hz - thick * 0.3, dice.pick([0.05, top - 0.15]), high, dice.between(0.0, 0.3), thick)
+    has_arms = dice.chance(0.85)
+    outer = hx + (arm if has_arms and dice.chance(0.6) else 0.0)
+    space = backs.BackSpace(
+        outer, -hz - thick * 0.3, dice.pick([0.05, top - 0.15]), high, dice.between(0.0, 0.3), thick
+    )
     solids.append(backs.panel(dice, space))
     if dice.chance(0.6):
         solids += _back_cushions(dice, space, hx, top, count)
-    if arms:
+    if has_arms:
         low = dice.pick([0.0, 0.04, 0.1, top - 0.2])
-        made = seats.thick_arms(dice, hx, (-hz - thick * 0.6, hz + dice.between(-0.05, 0.05)), max(low, 0.0), top + dice.between(0.05, 0.28), thickness=arm)
+        made = arms.thick_arms(
+            dice,
+            hx,
+            (-hz - thick * 0.6, hz + dice.between(-0.05, 0.05)),
+            max(low, 0.0),
+            top + dice.between(0.05, 0.28),
+            thickness=arm,
+        )
         one = dice.chance(0.08)
         solids += made[: len(made) // 2] if one else made
     if dice.chance(0.3):
@@ -74,7 +83,11 @@ def cushions(dice: Dice, hx: float, hz: float, top: float, height: float, count:
     for k in range(count):
         middle = vector(-hx + half * (2 * k + 1), top - height / 2, 0)
         size = vector(half * 0.985, height / 2, hz)
-        solids.append(Pillow(center=middle, half=size, plan=plan, profile=profile) if soft else Box(center=middle, half=size, radius=radius))
+        solids.append(
+            Pillow(center=middle, half=size, plan=plan, profile=profile)
+            if soft
+            else Box(center=middle, half=size, radius=radius)
+        )
     return solids
 
 
@@ -86,7 +99,12 @@ def _back_cushions(dice: Dice, space: backs.BackSpace, hx: float, top: float, co
     plan = dice.between(3, 8)
     z = space.z - space.lean * (top + height - space.low) + space.thickness / 2 + depth * 0.8
     return [
-        Pillow(center=vector(-hx + half * (2 * k + 1), top + height, z), half=vector(half * 0.97, depth, height), rotation=turn, plan=plan)
+        Pillow(
+            center=vector(-hx + half * (2 * k + 1), top + height, z),
+            half=vector(half * 0.97, depth, height),
+            rotation=turn,
+            plan=plan,
+        )
         for k in range(count)
     ]
 
@@ -94,7 +112,9 @@ def _back_cushions(dice: Dice, space: backs.BackSpace, hx: float, top: float, co
 def _throw(dice: Dice, space: backs.BackSpace, x: float, top: float) -> Solid:
     size = dice.between(0.17, 0.25)
     turn = turn_x(np.pi / 2 - dice.between(0.2, 0.6))
-    return Pillow(center=vector(x, top + size * 0.85, space.z + 0.2), half=vector(size, 0.06, size), rotation=turn, plan=3.5)
+    return Pillow(
+        center=vector(x, top + size * 0.85, space.z + 0.2), half=vector(size, 0.06, size), rotation=turn, plan=3.5
+    )
 
 
 def _extension(dice: Dice, hx: float, hz: float, top: float, *, with_back: bool) -> list[Solid]:
@@ -105,13 +125,28 @@ def _extension(dice: Dice, hx: float, hz: float, top: float, *, with_back: bool)
     x, z = side * (hx - width), hz + reach
     solids: list[Solid] = [
         Box(center=vector(x, (gap + top - pad) / 2, z), half=vector(width, (top - pad - gap) / 2, reach)),
-        Box(center=vector(x, top - pad / 2, z), half=vector(width, pad / 2, reach), radius=pad * dice.between(0.05, 0.45)),
+        Box(
+            center=vector(x, top - pad / 2, z),
+            half=vector(width, pad / 2, reach),
+            radius=pad * dice.between(0.05, 0.45),
+        ),
     ]
     if gap:
-        solids.append(Box(center=vector(x + side * width * 0.8, gap / 2, z + reach * 0.85), half=vector(0.025, gap / 2 + 0.01, 0.025)))
+        solids.append(
+            Box(
+                center=vector(x + side * width * 0.8, gap / 2, z + reach * 0.85),
+                half=vector(0.025, gap / 2 + 0.01, 0.025),
+            )
+        )
     if with_back:
         high = dice.between(0.2, 0.45)
-        solids.append(Box(center=vector(side * (hx + 0.08), (top + high) / 2, z), half=vector(0.09, (top + high) / 2, reach), radius=0.03))
+        solids.append(
+            Box(
+                center=vector(side * (hx + 0.08), (top + high) / 2, z),
+                half=vector(0.09, (top + high) / 2, reach),
+                radius=0.03,
+            )
+        )
     return solids
 
 
@@ -130,9 +165,14 @@ def _profile_sofa(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
     if low > 0.03:
         middle = float(outline[:, 0].mean())
         feet = legs.corners(hx - 0.08, hz * 0.7)
-        solids += [legs.post(f + vector(0, 0, middle), h + vector(0, low + 0.02, middle), foot_half=0.02, head_half=0.03) for f, h in feet]
+        solids += [
+            legs.post(f + vector(0, 0, middle), h + vector(0, low + 0.02, middle), foot_half=0.02, head_half=0.03)
+            for f, h in feet
+        ]
     if dice.chance(0.4):
-        solids += seats.thick_arms(dice, hx, (-hz, hz), low, top + dice.between(0.08, 0.2), thickness=dice.between(0.06, 0.2))
+        solids += arms.thick_arms(
+            dice, hx, (-hz, hz), low, top + dice.between(0.08, 0.2), thickness=dice.between(0.06, 0.2)
+        )
     return solids
 
 
@@ -140,7 +180,12 @@ def _rounded_sofa(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
     """A tub sofa: a round wall around one long cushion."""
     thick, rise, pad = dice.between(0.06, 0.2), dice.between(0.22, 0.42), dice.between(0.08, 0.18)
     wall = Wall(
-        radius=vector(hx + thick / 2, hz + thick / 2), thickness=thick, sweep=dice.between(1.5, 1.9), bottom=dice.pick([0.05, 0.12]),
-        top=vector(top + rise, top + rise * dice.between(0.4, 0.9)), lean=dice.between(0, 0.15), fall=dice.between(0.8, 3.0),
+        radius=vector(hx + thick / 2, hz + thick / 2), thickness=thick, sweep=dice.between(1.5, 1.9),
+        bottom=dice.pick([0.05, 0.12]), top=vector(top + rise, top + rise * dice.between(0.4, 0.9)),
+        lean=dice.between(0, 0.15), fall=dice.between(0.8, 3.0),
     )  # fmt: skip
-    return [wall, *cushions(dice, hx * 0.92, hz * 0.9, top, pad, dice.pick([1, 2])), *_base(dice, hx * 0.95, hz * 0.85, top - pad * 0.8)]
+    return [
+        wall,
+        *cushions(dice, hx * 0.92, hz * 0.9, top, pad, dice.pick([1, 2])),
+        *_base(dice, hx * 0.95, hz * 0.85, top - pad * 0.8),
+    ]

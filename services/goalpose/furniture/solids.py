@@ -206,7 +206,9 @@ class Tube(Solid):
         return best - self.radius
 
     def local_mesh(self) -> Mesh:
-        return join_meshes([_capsule_mesh(a, b, self.radius) for a, b in zip(self.path[:-1], self.path[1:], strict=True)])
+        return join_meshes(
+            [_capsule_mesh(a, b, self.radius) for a, b in zip(self.path[:-1], self.path[1:], strict=True)]
+        )
 
 
 def _capsule_mesh(start: Array, end: Array, radius: float) -> Mesh:

@@ -59,7 +59,9 @@ def _high_stand(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
 
 def _ottoman(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
     pad = dice.between(0.06, 0.2)
-    cushion: Solid = Box(center=vector(0, top - pad / 2, 0), half=vector(hx, pad / 2, hz), radius=pad * dice.between(0.05, 0.45))
+    cushion: Solid = Box(
+        center=vector(0, top - pad / 2, 0), half=vector(hx, pad / 2, hz), radius=pad * dice.between(0.05, 0.45)
+    )
     if dice.chance(0.3):
         cushion = Pillow(center=vector(0, top - pad / 2, 0), half=vector(hx, pad / 2, hz), plan=dice.between(2, 8))
     return [cushion, *legs.plinth(dice, hx, hz, top - pad * 0.7)]

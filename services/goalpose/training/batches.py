@@ -75,7 +75,9 @@ def choose_queries(random: np.random.Generator, stored: int, count: int) -> NDAr
     return np.concatenate([random.integers(0, stored // 2, uniform), near])
 
 
-def places(points: NDArray[np.float32], store: Store, row: int, scale_y: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def places(
+    points: NDArray[np.float32], store: Store, row: int, scale_y: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Where the points lie on the object `[Q, 3]`, and which of the three numbers are known `[1, 3]`."""
     seat = store.seat_heights[row] * scale_y
     known = np.array([[1.0, float(np.isfinite(seat)), float(store.categories[row] not in NO_FRONT)]], dtype=np.float32)

@@ -72,7 +72,7 @@ def from_furniture(piece: Furniture, *, name: str, seed: int) -> Example:
 
 def from_mesh(path: Path, *, category: str, seat_height: float) -> Example:
     """Example of a mesh file in canonical form."""
-    mesh = trimesh.load(path, force="mesh", process=False)
+    mesh = trimesh.load_mesh(path, process=False)
     seed = int.from_bytes(hashlib.sha256(path.name.encode()).digest()[:4], "little")
     random = np.random.default_rng([2, seed])
     labels = label_mesh(mesh, seed=seed)

@@ -6,9 +6,9 @@
     4. records    config.json, curves.csv, checkpoint.pt, field.safetensors in runs/<name>
 
 Besides occupancy two more things are asked of the same activations, because descriptors are made of them: the signed
-distance, so that points off the surface differ too, and the place relative to mirror plane, seat and front, so that front and
-back of a near-symmetric chair differ. Both labels come for free from the canonical frame of training shapes; nothing
-of the kind is needed at run time.
+distance, so that points off the surface differ too, and the place relative to mirror plane, seat and front, so that
+front and back of a near-symmetric chair differ. Both labels come for free from the canonical frame of training
+shapes; nothing of the kind is needed at run time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -64,7 +64,7 @@ class TrainingConfig:
     rate_end: float = 2e-5
     average: float = 0.999
     """Decay of the running mean of the weights, which is what gets published."""
-    network: FieldConfig = FieldConfig()
+    network: FieldConfig = field(default_factory=FieldConfig)
 
 
 class Run:
@@ -78,7 +78,9 @@ class Run:
         self.field = Field(config.network)
         self.averaged = Field(config.network).requires_grad_(False)
         self.averaged.load_state_dict(self.field.state_dict())
-        self.optimiser = torch.optim.AdamW(self.field.parameters(), lr=config.rate, betas=(0.9, 0.99), weight_decay=1e-4)
+        self.optimiser = torch.optim.AdamW(
+            self.field.parameters(), lr=config.rate, betas=(0.9, 0.99), weight_decay=1e-4
+        )
         self.step, self.seconds, self.stopping = 0, 0.0, False
         if resume:
             self._restore()
@@ -183,7 +185,9 @@ class Run:
             table = by_category(score_store(self.averaged, store))
             log.info("held out", store=name, step=self.step, **table["all"])
             with (self.folder / "scores.jsonl").open("a") as file:
-                file.write(json.dumps({"step": self.step, "minutes": self.seconds / 60, "shapes": name, **table}) + "\n")
+                file.write(
+                    json.dumps({"step": self.step, "minutes": self.seconds / 60, "shapes": name, **table}) + "\n"
+                )
 
 
 def field_losses(field: Field, batch: Batch) -> dict[str, Tensor]:
@@ -231,7 +235,9 @@ def prepare(config: TrainingConfig) -> tuple[list[Source], dict[str, Store]]:
     )
     sources.append(Source(made, share=0.48, stretch=1.12))
     held_out["procedural"] = open_or_write(
-        data / f"procedural{label}-held-out", 90, lambda: procedural_examples(90, seed=HELD_OUT_SEEDS, categories=config.categories)
+        data / f"procedural{label}-held-out",
+        90,
+        lambda: procedural_examples(90, seed=HELD_OUT_SEEDS, categories=config.categories),
     )
     return sources, held_out
 
@@ -253,7 +259,9 @@ def parse(argv: Sequence[str]) -> tuple[TrainingConfig, bool]:
     parser.add_argument("--objects", nargs="+", default=[], metavar="DIR", help="folders of meshes in canonical form")
     parser.add_argument("--procedural-only", action="store_true", help="train on generated furniture alone")
     parser.add_argument("--procedural", type=int, default=3000, metavar="N", help="how many pieces to generate")
-    parser.add_argument("--categories", nargs="+", default=list(CATEGORIES), choices=CATEGORIES, help="default: all, jointly")
+    parser.add_argument(
+        "--categories", nargs="+", default=list(CATEGORIES), choices=CATEGORIES, help="default: all, jointly"
+    )
     parser.add_argument("--minutes", type=float, default=90.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", default="runs/field", metavar="RUN", help="folder of the run")

@@ -2,8 +2,8 @@
 
 Ray parity and winding numbers need closed surfaces, which three quarters of free meshes are not. A point counts as
 inside if it is within a few millimetres of the surface (thin plates are solid), or if air poured in from outside
-cannot reach it: voxels near the surface are a barrier, dilated by one voxel so that small gaps close, and the floor is a
-barrier too, because many sofas have no underside.
+cannot reach it: voxels near the surface are a barrier, dilated by one voxel so that small gaps close, and the floor is
+a barrier too, because many sofas have no underside.
 """
 
 from __future__ import annotations

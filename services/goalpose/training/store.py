@@ -1,9 +1,9 @@
 """Training examples on disk: made once, memory-mapped afterwards.
 
-    runs/field-data/<name>/items.json     name, category, seat height of every example
-                           surface.npy    [E, 6000, 3] float16
-                           queries.npy    [E, 12000, 3] float16
-                           distance.npy   [E, 12000] float16
+runs/field-data/<name>/items.json     name, category, seat height of every example
+                       surface.npy    [E, 6000, 3] float16
+                       queries.npy    [E, 12000, 3] float16
+                       distance.npy   [E, 12000] float16
 """
 
 from __future__ import annotations
@@ -25,7 +25,17 @@ from goalpose.training.examples import QUERY_POINTS, SURFACE_POINTS, Example, fr
 
 log = structlog.get_logger()
 
-SHARES = {"chair": 26, "armchair": 18, "officechair": 6, "lounger": 5, "sofa": 22, "bench": 7, "stool": 6, "barstool": 4, "bed": 6}
+SHARES = {
+    "chair": 26,
+    "armchair": 18,
+    "officechair": 6,
+    "lounger": 5,
+    "sofa": 22,
+    "bench": 7,
+    "stool": 6,
+    "barstool": 4,
+    "bed": 6,
+}
 """How often each category is generated, in percent."""
 HELD_OUT_SEEDS = 1_000_000
 """Seeds from here on are never trained on."""
@@ -49,7 +59,9 @@ class Store:
     def open(folder: Path) -> Store:
         """Raises FileNotFoundError if the folder was not finished by `write`."""
         items: list[dict[str, Any]] = json.loads((folder / "items.json").read_text())
-        arrays = [np.load(folder / f"{part}.npy", mmap_mode="r")[: len(items)] for part in ("surface", "queries", "distance")]
+        arrays = [
+            np.load(folder / f"{part}.npy", mmap_mode="r")[: len(items)] for part in ("surface", "queries", "distance")
+        ]
         heights = np.array([math.nan if i["seat_height"] is None else i["seat_height"] for i in items])
         names, categories = tuple(i["name"] for i in items), tuple(i["category"] for i in items)
         return Store(names, categories, heights, *arrays)
