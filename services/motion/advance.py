@@ -8,7 +8,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from motion.blending import blend_pose, blend_trajectory, blend_weights
+from motion.blending import blend_pose, blend_trajectory, blend_weights, limit_turns
 from motion.contact_ik import plant
 from motion.features import Answer, Goals, Inputs, decode, encode, goal_frame
 from motion.figure import Figure, Frame
@@ -36,10 +36,10 @@ def advance(figure: Figure, predict: Predict, characters: Characters, goals: Goa
     blend, settled = blend_weights(distance, action, characters.blend, characters.settled)
     facing = goal_frame(figure, goals)
     # Without an active goal there is nothing to blend with, whatever weight is left from before.
-    wanted, orientations = blend_pose(answer, root, goals, facing, blend * goals.active, settled)
+    seated, floor = blend * goals.active, (styles[:, 3] < 0.5).float()
+    wanted, orientations = blend_pose(answer, root, goals, facing, seated, settled)
+    orientations = limit_turns(figure, characters.orientations, orientations, goals.active)
     contacts = answer.contacts.clamp(0.0, 1.0)
-    lying = styles[:, 3].clamp(0.0, 1.0)
-    seated, floor = blend * goals.active, (lying < 0.5).float()
     feet = plant(figure, characters, positions, wanted, orientations, contacts, seated=seated, floor=floor)
     after = figure.positions(feet.hips, feet.orientations)
     moved = Characters(

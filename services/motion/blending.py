@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from motion.features import Answer, Goals, goal_orientations, world_axes
-from motion.figure import Frame, orthonormal, six
+from motion.figure import Figure, Frame, orthonormal, six
 from motion.state import FUTURE
 
 _STEEPNESS = 20.0  # [1/m]
@@ -17,6 +17,8 @@ _HALFWAY = 0.25  # [m]
 _RISE, _FALL = 0.06, 0.15  # most that the weight may change in a frame: no pop when modes switch
 _SETTLE_WITHIN = 0.15  # [m] mean joint distance from which the held pose is drawn onto the goal
 _SETTLE_RISE, _SETTLE_FALL = 1 / 40, 1 / 10  # per frame
+_FASTEST_TURN = 0.20, 0.14  # [rad] a bone turns per frame at most: walking, and while a goal pose is active
+_FASTEST_LEG = 0.35  # [rad] legs, walking
 _LIVING = 0.1  # share of the network's own motion that stays when settled
 
 
@@ -53,6 +55,20 @@ def blend_pose(
     positions = torch.lerp(root.points_out(answer.positions), inverse, w)
     axes = torch.lerp(world_axes(root, answer.axes), turned, w)
     return positions, orthonormal(axes)
+
+
+def limit_turns(figure: Figure, before: Tensor, wanted: Tensor, active: Tensor) -> Tensor:
+    """World orientations [B, J, 3, 3] no farther from the last shown ones than bones turn in a frame.
+
+    Forward and inverse answers may differ by half a turn in a hand; interpolating those would snap. `active` [B].
+    """
+    cosine = ((before * wanted).sum((-1, -2)) - 1) / 2  # from the trace of the relative rotation
+    angle = torch.acos(cosine.clamp(-1 + 1e-6, 1 - 1e-6))
+    walking = torch.full_like(angle[0], _FASTEST_TURN[0])
+    walking[figure.legs.flatten()] = _FASTEST_LEG
+    most = torch.where(active[:, None] > 0.5, _FASTEST_TURN[1], walking)
+    share = (most / angle).clamp_max(1.0)[..., None]
+    return torch.where(share[..., None] < 1, orthonormal(torch.lerp(six(before), six(wanted), share)), wanted)
 
 
 def blend_trajectory(answer: Answer, root: Frame, facing: Frame, goals: Goals) -> Tensor:

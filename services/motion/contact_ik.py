@@ -24,7 +24,8 @@ _MISPLACED = 0.012  # [m] a seated foot farther than this from its goal place ta
 _LIFT = 0.03  # [m] height of that step
 _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
 _REACH = 0.998  # share of the leg's length that counts as straight
-_FASTEST = 0.105, 0.06  # [m] an ankle moves per frame at most, walking and when seated (0.105: 3.2 m/s)
+_FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) and when seated
+_LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def _locks(
     other = away[:, [2, 3, 0, 1]].reshape(-1, 2, 2).any(-1).repeat_interleave(2, -1)
     first = misplaced[:, :2].any(-1, keepdim=True) & torch.tensor([False, False, True, True])
     stay = held & within & (contacts > _OFF) & (apart < _STRAY) & ~(misplaced & ~other & ~first)
-    start = (weights <= 0) & (contacts > _ON)
+    start = (weights <= 0) & (contacts > _ON) & (track[..., 1] < torch.tensor([*_LOW, *_LOW]))
     rate = torch.where(seated[:, None] > 0.5, _STEP, _RELEASE)
     weights = torch.where(stay | start, torch.ones_like(weights), (weights - rate).clamp_min(0.0))
     return torch.where(start[..., None], track, characters.locks), weights

@@ -6,7 +6,7 @@ every joint is the sum of its ancestors' turned offsets.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import torch
 from character.skeleton import Skeleton, humanoid_skeleton
@@ -63,47 +63,53 @@ class Figure:
         return torch.cat([world[..., :1, :, :], local[..., 1:, :, :]], -3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
-    """An upright frame on the floor: origin (x, z) [m] and the unit direction (x, z) of its +Z axis."""
+    """An upright frame on the floor: origin (x, z) [m] and the unit direction (x, z) of its +Z axis.
 
-    origin: Tensor  # [..., 2]
-    direction: Tensor  # [..., 2]
+    Batched over one leading axis; vectors are [B, *, 3] or floor vectors (x, z) [B, *, 2]. One small matrix product each:
+    a frame of motion takes some fifteen of these, and a single character's time goes into calls, not into numbers.
+    """
 
-    def _spread(self, vectors: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        extra = vectors.dim() - self.origin.dim()
-        shape = (*self.origin.shape[:-1], *(1,) * extra)
-        x, z = self.direction[..., 0].reshape(shape), self.direction[..., 1].reshape(shape)
-        return x, z, self.origin[..., 0].reshape(shape), self.origin[..., 1].reshape(shape)
+    origin: Tensor  # [B, 2]
+    direction: Tensor  # [B, 2]
+
+    @cached_property
+    def _floor(self) -> Tensor:
+        """[B, 2, 2]: row vectors (x, z) times this are in the frame."""
+        x, z = self.direction.unbind(-1)
+        return torch.stack([z, x, -x, z], -1).unflatten(-1, (2, 2))
+
+    @cached_property
+    def _space(self) -> Tensor:
+        """[B, 3, 3]: row vectors times this are in the frame."""
+        x, z = self.direction.unbind(-1)
+        nil = torch.zeros_like(x)
+        return torch.stack([z, nil, x, nil, nil + 1, nil, -x, nil, z], -1).unflatten(-1, (3, 3))
+
+    @cached_property
+    def _place(self) -> Tensor:
+        """[B, 1, 3]: the origin on the floor."""
+        x, z = self.origin.unbind(-1)
+        return torch.stack([x, torch.zeros_like(x), z], -1)[..., None, :]
 
     def turn_in(self, vectors: Tensor) -> Tensor:
-        """World directions into this frame: [..., *, 3] (or 2 for floor vectors x, z) -> same shape."""
-        dx, dz, _, _ = self._spread(vectors)
-        x, z = vectors[..., 0], vectors[..., -1]
-        turned = [x * dz - z * dx, x * dx + z * dz]
-        return torch.stack(turned if vectors.shape[-1] == 2 else [turned[0], vectors[..., 1], turned[1]], -1)
+        """World directions into this frame."""
+        return vectors @ (self._floor if vectors.shape[-1] == 2 else self._space)
 
     def turn_out(self, vectors: Tensor) -> Tensor:
         """Directions of this frame into the world, the inverse of `turn_in`."""
-        dx, dz, _, _ = self._spread(vectors)
-        x, z = vectors[..., 0], vectors[..., -1]
-        turned = [x * dz + z * dx, z * dz - x * dx]
-        return torch.stack(turned if vectors.shape[-1] == 2 else [turned[0], vectors[..., 1], turned[1]], -1)
-
-    def shift(self, vectors: Tensor, sign: float) -> Tensor:
-        """Adds `sign` times the origin to points [..., *, 3] or floor points [..., *, 2]."""
-        _, _, ox, oz = self._spread(vectors)
-        parts = list(vectors.unbind(-1))
-        parts[0], parts[-1] = parts[0] + sign * ox, parts[-1] + sign * oz
-        return torch.stack(parts, -1)
+        return vectors @ (self._floor if vectors.shape[-1] == 2 else self._space).transpose(-1, -2)
 
     def points_in(self, points: Tensor) -> Tensor:
         """World points into this frame."""
-        return self.turn_in(self.shift(points, -1.0))
+        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self._place
+        return self.turn_in(points - origin)
 
     def points_out(self, points: Tensor) -> Tensor:
         """Points of this frame into the world."""
-        return self.shift(self.turn_out(points), 1.0)
+        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self._place
+        return self.turn_out(points) + origin
 
 
 def six(orientations: Tensor) -> Tensor:
