@@ -27,7 +27,7 @@ class StreamOptions:
     credit: int = 0
     joint_positions: bool = False
     burst_frames: int = 60
-    ack_window: int = 30
+    ack_window: int = 12
 
 
 @dataclass(frozen=True)

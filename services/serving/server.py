@@ -27,7 +27,13 @@ from serving.skeletons import SkeletonCatalogue, SkeletonServicer, skeletons_rou
 log = get_log("serving.server")
 
 VERSION = package_version("roam-services")
-_MESSAGE_BYTES = 8 * MIB  # inline point clouds; uploads come in chunks
+_GRPC_OPTIONS = [
+    ("grpc.max_receive_message_length", 8 * MIB),  # inline point clouds; uploads come in chunks
+    ("grpc.so_reuseport", 0),  # a second server on the same port must fail, not share it
+    ("grpc.keepalive_time_ms", 20_000),  # notice clients that vanished without a word
+    ("grpc.keepalive_timeout_ms", 10_000),
+    ("grpc.http2.min_recv_ping_interval_without_data_ms", 5_000),  # let clients do the same
+]
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ class Server:
         self._skeletons = SkeletonCatalogue([item for service in services for item in service.skeletons])
         self._grpc = grpc.aio.server(
             interceptors=[RequestInterceptor(self.metrics)],
-            options=[("grpc.max_receive_message_length", _MESSAGE_BYTES), ("grpc.so_reuseport", 0)],
+            options=_GRPC_OPTIONS,
         )
         self._uvicorn: _Uvicorn
         self._http_task: asyncio.Task[None]

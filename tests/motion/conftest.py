@@ -9,11 +9,16 @@ from walker import Walker
 
 
 @pytest.fixture
-async def motion_addresses(monkeypatch, tmp_path):
-    """Where a real server listens whose characters slide instead of walk."""
+def motion_service(monkeypatch, tmp_path):
+    """The service, its animator replaced."""
     monkeypatch.setattr(Animator, "load", staticmethod(lambda path: Walker()))
     weights = tmp_path / "weights.safetensors"
     weights.write_bytes(b"none needed")
-    settings = MotionSettings(motion_weights=str(weights))
-    async with running([MotionService(settings)], settings) as addresses:
+    return MotionService(MotionSettings(motion_weights=str(weights)))
+
+
+@pytest.fixture
+async def motion_addresses(motion_service):
+    """Where a real server listens whose characters slide instead of walk."""
+    async with running([motion_service], MotionSettings()) as addresses:
         yield addresses

@@ -9,7 +9,9 @@ import pytest
 import websockets
 from google.rpc import error_details_pb2
 from grpc_status import rpc_status
+from motion.settings import MotionSettings
 from roam.v1 import motion_pb2, motion_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
+from serving.server import Server
 
 BURST = motion_pb2.PACING_BURST
 
@@ -295,3 +297,45 @@ async def test_the_skeleton_is_served_beside(stub, motion_addresses):
     assert default.body
     assert [skeleton.id for skeleton in listed.skeletons] == [default.skeleton.id]
     assert reason(caught.value) == "SKELETON_NOT_FOUND"
+
+
+async def test_draining_ends_streams_on_every_transport(motion_service):
+    server = Server([motion_service], MotionSettings())
+    await server.open()
+    await server.load()
+    async with grpc.aio.insecure_channel(server.addresses.grpc) as channel:
+        stub = motion_pb2_grpc.MotionServiceStub(channel)
+        session = await create(stub)
+        opening = motion_pb2.Open(session=session.name, pacing=motion_pb2.PACING_CREDIT)
+        watching = stub.WatchFrames(motion_pb2.WatchFramesRequest(open=opening))
+        await watching.read()
+        async with websockets.connect(websocket_address(server.addresses, session)) as socket:
+            await socket.send(motion_pb2.AnimateRequest(open=opening).SerializeToString())
+            await socket.recv()
+            closing = asyncio.create_task(server.close(10))
+            told = [(await watching.read()).message, motion_pb2.AnimateResponse.FromString(await socket.recv())]
+            assert [message.event.type for message in told] == [motion_pb2.EVENT_TYPE_DRAINING] * 2
+            assert told[0].event.reconnect_within.seconds == 10
+            assert await watching.read() is grpc.aio.EOF
+            with pytest.raises(websockets.ConnectionClosedOK):
+                await socket.recv()
+        await closing
+
+
+async def test_a_reader_that_stalls_and_acknowledges_is_not_flooded(stub):
+    session = await create(stub)
+    call = stub.Animate()
+    await call.write(motion_pb2.AnimateRequest(open=motion_pb2.Open(session=session.name)))
+    await call.read()
+    await call.write(motion_pb2.AnimateRequest(ack=motion_pb2.Ack()))
+    name = motion_pb2.GetSessionRequest(name=session.name)
+    while (await stub.GetSession(name)).session.last_sequence < 40:  # the reader stalls, the session goes on
+        await asyncio.sleep(0.05)
+    head = (await stub.GetSession(name)).session.last_sequence
+    stale = 0
+    while (frame := (await call.read()).frame).sequence < head:
+        if frame.sequence:
+            stale += 1
+            await call.write(motion_pb2.AnimateRequest(ack=motion_pb2.Ack(sequence=frame.sequence)))
+    assert stale <= MotionSettings().ack_window + 1
+    call.cancel()
