@@ -21,7 +21,7 @@ class Latent:
     anchors: Tensor
     """`[B, M, 3]` surface points, relative to the centre [m]."""
     local: Tensor
-    """`[B, heads, M, S + 4 K + 3]` per anchor: scalars, K vectors, their products with the anchor, the anchor itself."""
+    """`[B, heads, M, S + 4 K + 3]` per anchor: scalars, K vectors, their products with the anchor, its place."""
 
     def to(self, dtype: torch.dtype) -> Latent:
         """The same codes in another precision."""

@@ -1,0 +1,45 @@
+"""What anchors see around them turns with the object or does not change."""
+
+import numpy as np
+import torch
+from goalpose.field.encoder import SCALES, neighbourhoods, squared_distances
+from goalpose.field.vectors import VectorBlock
+from scipy.spatial.transform import Rotation
+
+
+def turn() -> torch.Tensor:
+    return torch.from_numpy(Rotation.random(rng=np.random.default_rng(3)).as_matrix())
+
+
+def test_squared_distances() -> None:
+    a, b = torch.randn(2, 5, 3, dtype=torch.float64), torch.randn(2, 7, 3, dtype=torch.float64)
+    assert torch.allclose(squared_distances(a, b), torch.cdist(a, b) ** 2)
+
+
+def test_neighbourhood_vectors_turn_and_scalars_stay() -> None:
+    points = torch.randn(1, 200, 3, dtype=torch.float64) * 0.3
+    anchors, r = points[:, :40], turn()
+    vectors, scalars = neighbourhoods(anchors, points)
+    turned_vectors, turned_scalars = neighbourhoods(anchors @ r.T, points @ r.T)
+    assert torch.allclose(turned_vectors, torch.einsum("ij,bjmc->bimc", r, vectors), atol=1e-9)
+    assert torch.allclose(turned_scalars, scalars, atol=1e-9)
+
+
+def test_neighbourhood_mean_agrees_with_a_plain_loop() -> None:
+    points = torch.randn(1, 50, 3, dtype=torch.float64) * 0.2
+    vectors, _ = neighbourhoods(points[:, :3], points)
+    for k, sigma in enumerate(SCALES):
+        weight = torch.exp(-((points[0] - points[0, 1]) ** 2).sum(-1) / (2 * sigma**2))
+        mean = (weight[:, None] * points[0]).sum(0) / weight.sum()
+        assert torch.allclose(vectors[0, :, 1, 1 + k], (mean - points[0, 1]) / sigma)
+
+
+def test_block_is_equivariant() -> None:
+    torch.manual_seed(0)
+    block = VectorBlock(8, 6, 4).double()
+    vectors, scalars = torch.randn(1, 3, 10, 8, dtype=torch.float64), torch.randn(1, 10, 6, dtype=torch.float64)
+    smoothing, r = torch.softmax(torch.randn(1, 10, 10, dtype=torch.float64), -1), turn()
+    out_vectors, out_scalars = block(vectors, scalars, smoothing)
+    turned_vectors, turned_scalars = block(torch.einsum("ij,bjnc->binc", r, vectors), scalars, smoothing)
+    assert torch.allclose(turned_vectors, torch.einsum("ij,bjnc->binc", r, out_vectors))
+    assert torch.allclose(turned_scalars, out_scalars)
