@@ -4,16 +4,30 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from character.body import body_capsules
+from character.kinematics import forward_kinematics
+from character.skeleton import humanoid_skeleton
+from serving.skeletons import skeleton_message
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "client"))
 
-from fake_services import Fake, fake_services
+import fake_services
+from fake_services import Fake
 
 
 @pytest.fixture
-def fake() -> Iterator[Fake]:
-    with fake_services() as running:
+def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[Fake]:
+    """The fakes with the real figure in T-pose: exporters need its bones."""
+    figure = humanoid_skeleton()
+    identity = np.tile(np.array([0, 0, 0, 1], np.float32), (figure.joint_count, 1))
+    rest = forward_kinematics(figure, np.zeros(3, np.float32), identity).positions
+    message = skeleton_message(figure, body_capsules(figure))
+    monkeypatch.setattr(fake_services, "SKELETON", message.skeleton)
+    monkeypatch.setattr(fake_services, "IDENTITY", identity)
+    monkeypatch.setattr(fake_services, "positions_of", lambda root: np.asarray(root, np.float32) + rest)
+    with fake_services.fake_services() as running:
         yield running
 
 

@@ -19,17 +19,20 @@ def demo() -> Iterator[str]:
     """Address of the page, with both services behind it."""
     if not WEIGHTS.exists():
         pytest.skip("needs the motion weights: weights/motion.safetensors")
+    from goalpose.app import GoalPoseService
     from goalpose.settings import GoalPoseSettings
     from motion.app import MotionService
     from motion.settings import MotionSettings
     from roam_command.embedded import running_in_thread
     from roam_command.page import PageService, Upload
-    from stub_poses import StubGoalPoseService
+    from stub_poses import KnownAnswer
 
     settings = GoalPoseSettings()
-    services = [StubGoalPoseService(settings), MotionService(MotionSettings()), PageService(Upload(CHAIR))]
-    with running_in_thread(services, settings) as addresses:
-        yield addresses.http
+    services = [GoalPoseService(settings), MotionService(MotionSettings()), PageService(Upload(CHAIR))]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("goalpose.app.Synthesizer", KnownAnswer)
+        with running_in_thread(services, settings) as addresses:
+            yield addresses.http
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +48,10 @@ def browser() -> Iterator[Any]:
         chromium.close()
 
 
-@pytest.fixture
-def page(browser: Any, demo: str) -> Iterator[Any]:
-    """A fresh tab that fails the test when the page complains."""
-    tab = browser.new_page(viewport={"width": 960, "height": 600})
+@pytest.fixture(scope="module")
+def tab(browser: Any, demo: str) -> Iterator[Any]:
+    """The page, open."""
+    tab = browser.new_page(viewport={"width": 860, "height": 480})
     complaints: list[str] = []
     tab.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
     tab.on("pageerror", lambda error: complaints.append(str(error)))
@@ -57,4 +60,11 @@ def page(browser: Any, demo: str) -> Iterator[Any]:
     tab.goto(demo)
     yield tab
     tab.close()
-    assert complaints == []
+
+
+@pytest.fixture
+def page(tab: Any) -> Iterator[Any]:
+    """The page; it fails the test when it complains."""
+    tab.complaints.clear()
+    yield tab
+    assert tab.complaints == []

@@ -93,6 +93,7 @@ async function makePose(action) {
   work?.abort();
   work = new AbortController();
   const points = [];
+  panel.drawEnergy(points, 0);
   setPhase(`fitting: ${action}`);
   panel.showPoseText("looking for a pose that fits …");
   ghost.group.visible = false;
