@@ -61,6 +61,16 @@ class ObjectError(ValueError):
         return ObjectError.from_dict, (self.to_dict(),)
 
 
+def not_finite(message: str) -> ObjectError:
+    """Coordinates that nothing can be computed with."""
+    return ObjectError(
+        "OBJECT_NOT_FINITE",
+        field="content",
+        message=message,
+        remedy="Remove those vertices (in Blender: Mesh > Clean Up) and export again.",
+    )
+
+
 def malformed(format: str, detail: str) -> ObjectError:
     """The content claims to be `format` but cannot be read as such."""
     return ObjectError(

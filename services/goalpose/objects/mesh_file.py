@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 import logging
+import re
+import struct
 from typing import Any
 
 import numpy as np
 import trimesh
 from trimesh.resolvers import Resolver
 
-from goalpose.objects.errors import ObjectError, malformed
+from goalpose.objects.errors import ObjectError, malformed, not_finite
 from goalpose.objects.geometry import Array, Geometry, Indices
 from goalpose.objects.gltf import check_gltf
 from goalpose.objects.limits import Limits, check_counts
@@ -38,6 +40,8 @@ class _Nothing(Resolver):
         return self
 
 
+# What some exporters write for a broken coordinate; trimesh's text parsers stumble over it.
+_NOT_A_NUMBER = re.compile(rb"(?i)(?<![a-z_])(nan|inf)(?![a-z_])")
 _NOTHING = _Nothing()
 
 
@@ -50,6 +54,8 @@ def read_mesh_file(data: bytes, format: str, limits: Limits) -> Geometry:
     is_gltf = format in ("glb", "gltf")
     if is_gltf:
         check_gltf(data, format, limits)
+    if format == "stl":
+        _check_stl(data)
     try:
         scene = trimesh.load_scene(
             io.BytesIO(data),
@@ -63,10 +69,21 @@ def read_mesh_file(data: bytes, format: str, limits: Limits) -> Geometry:
     except (ObjectError, MemoryError):
         raise
     except Exception as error:  # the parsers raise whatever a broken file makes them trip over
+        if format in ("obj", "off", "ply", "stl") and _NOT_A_NUMBER.search(data):
+            raise not_finite("A coordinate in the file is NaN or infinite.") from error
         raise malformed(format, f"{type(error).__name__}: {str(error)[:120]}") from error
     if is_gltf:
         return Geometry(geometry.vertices, geometry.faces, up="y", unit="m")
     return geometry
+
+
+def _check_stl(data: bytes) -> None:
+    """Refuse a binary STL that is shorter than its header says; trimesh would take it for text."""
+    if data.lstrip()[:5] == b"solid":
+        return
+    count = struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 0
+    if len(data) < 84 + 50 * count or len(data) < 84:
+        raise malformed("stl", f"it is cut off: {count} triangles are promised, {len(data)} bytes are there")
 
 
 def _flatten(scene: Any, limits: Limits) -> Geometry:
@@ -82,7 +99,8 @@ def _flatten(scene: Any, limits: Limits) -> Geometry:
     loose: list[Array] = []
     start = 0
     for part, transform in placed:
-        points = np.asarray(part.vertices, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        with np.errstate(all="ignore"):  # infinities are looked for afterwards
+            points = np.asarray(part.vertices, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
         indices = np.asarray(getattr(part, "faces", np.zeros((0, 3))), dtype=np.int64)
         if len(indices) == 0:
             loose.append(points)

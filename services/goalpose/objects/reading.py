@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from goalpose.objects.errors import ObjectError
+from goalpose.objects.errors import ObjectError, not_finite
 from goalpose.objects.formats import check_content, check_format
 from goalpose.objects.geometry import Array, Geometry
 from goalpose.objects.limits import Limits, check_bytes, check_counts
@@ -63,12 +63,7 @@ def _checked(geometry: Geometry, limits: Limits) -> Geometry:
 def _check_finite(vertices: Array) -> None:
     bad = np.flatnonzero(~(np.abs(vertices) < _MAX_COORDINATE).all(axis=1))  # NaN compares false
     if len(bad):
-        raise ObjectError(
-            "OBJECT_NOT_FINITE",
-            field="content",
-            message=f"{len(bad)} of {len(vertices)} vertices are not finite or beyond 1e9; first number {bad[0]}.",
-            remedy="Remove those vertices (in Blender: Mesh > Clean Up) and export again.",
-        )
+        raise not_finite(f"{len(bad)} of {len(vertices)} vertices are not finite or beyond 1e9; first number {bad[0]}.")
 
 
 def _check_cloud_size(count: int) -> None:

@@ -51,7 +51,9 @@ def sample_triangles(triangles: Array, areas: Array, count: int, *, seed: int) -
     rng = np.random.default_rng(seed)
     targets = (np.arange(count) + rng.random(count)) * (cumulated[-1] / count)
     chosen = np.minimum(np.searchsorted(cumulated, targets, side="right"), len(triangles) - 1)
-    uv = (rng.random(2) + np.arange(count)[:, None] * _R2) % 1.0
+    # Each triangle has the sequence from its own random start: one start for all would alias with regular meshes.
+    rank = np.arange(count) - np.searchsorted(chosen, chosen)
+    uv = (rng.random((len(triangles), 2))[chosen] + rank[:, None] * _R2) % 1.0
     u, v = uv[:, :1], uv[:, 1:]
     folded = u + v > 1.0
     u, v = np.where(folded, 1.0 - u, u), np.where(folded, 1.0 - v, v)

@@ -23,11 +23,13 @@ from goalpose.objects.distance import DistanceGrid
 
 Floats = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
-Ints = npt.NDArray[np.intp]
+Ints = npt.NDArray[np.integer]
+Corner = npt.NDArray[np.float64]
 
 _NODE_BUDGET = 450_000  # decides the pitch: more would cost more than 0.2 s on one core
 _FINEST, _COARSEST = 0.0125, 0.03  # [m]
 _PAD = 0.15  # [m] of free nodes around the box
+_HOLE = 1.25  # [spacings] at random, one disc of this radius in 10^5 has no sample; larger holes are openings
 _MIN_GAP = 0.03  # [m] narrower openings are closed
 # [m] A hollow that opens only to a floor this near is the body of a sofa, not the legroom of a chair.
 _DEEPEST_UNDERSIDE = 0.28
@@ -66,10 +68,10 @@ def signed_distance(surface: Surface, *, pitch: float, floor: float) -> Distance
     """
     low = surface.points.min(axis=0).astype(np.float64) - _PAD
     shape = np.ceil((surface.points.max(axis=0) + _PAD - low) / pitch).astype(int) + 1
-    nearest, unsigned = _unsigned(surface, low, pitch, tuple(int(n) for n in shape))
-    radius = max(0.5 * _MIN_GAP, 0.9 * pitch, 0.75 * surface.spacing)
+    nearest, unsigned, touching = _unsigned(surface, low, pitch, tuple(int(n) for n in shape))
+    radius = max(0.5 * _MIN_GAP, 0.9 * pitch, _HOLE * surface.spacing)
     level = int(np.floor((floor - low[1]) / pitch))
-    outside = _outside(unsigned > radius, level=level, pitch=pitch)
+    outside = _outside((unsigned > radius) & ~touching, level=level, pitch=pitch)
     depth = _depth(outside, unsigned, radius, pitch)
     values = np.where(depth > 0, -depth, unsigned)
     close = (depth > 0) & (np.abs(depth - unsigned) < 0.5 * pitch)
@@ -78,10 +80,13 @@ def signed_distance(surface: Surface, *, pitch: float, floor: float) -> Distance
     return DistanceGrid(low, pitch, values)
 
 
-def _unsigned(
-    surface: Surface, low: npt.NDArray[np.float64], pitch: float, shape: tuple[int, ...]
-) -> tuple[Ints, Floats]:
-    """For every node the flat index of the nearest node that holds a sample, and the distance to that sample's disc."""
+def _unsigned(surface: Surface, low: Corner, pitch: float, shape: tuple[int, ...]) -> tuple[Ints, Floats, Mask]:
+    """For every node: the flat index of the nearest node that holds a sample; the distance to that sample's disc [m];
+    whether the node or one beside it holds a sample.
+
+    The nearest sample may lie in another cell: at sharp edges the distance is up to a pitch too large, and a wall made
+    of small distances alone would have holes there.
+    """
     local = (surface.points - low.astype(np.float32)) / np.float32(pitch)
     cell = np.rint(local).astype(np.intp)
     flat = np.ravel_multi_index((cell[:, 0], cell[:, 1], cell[:, 2]), shape)
@@ -91,7 +96,7 @@ def _unsigned(
         chosen = np.flatnonzero(offset < within)
         holder[flat[chosen]] = chosen
     empty = (holder < 0).reshape(shape)
-    indices = ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)
+    apart, indices = ndimage.distance_transform_edt(empty, return_indices=True)
     nearest = np.ravel_multi_index(tuple(indices), shape)
     sample = holder[nearest]
     plane = np.zeros(shape, dtype=np.float32)
@@ -104,7 +109,7 @@ def _unsigned(
     lateral = np.sqrt(np.maximum(square - plane * plane, 0.0))
     reach = np.float32(max(0.35, 0.5 * surface.spacing / pitch))
     distance = np.hypot(plane, np.maximum(lateral - reach, 0.0)) * np.float32(pitch)
-    return nearest, distance
+    return nearest, distance, apart <= 1.0
 
 
 def _outside(free: Mask, *, level: int, pitch: float) -> Mask:
@@ -134,6 +139,7 @@ def _walled(air: Mask, wall: Mask, *, level: int, pitch: float) -> Mask:
     for layer in range(level + 1 + round(_DEEPEST_UNDERSIDE / pitch), seen.shape[1]):
         seen[:, layer] &= below
         below = seen[:, layer] | wall[:, layer]
+    seen = ndimage.minimum_filter(ndimage.maximum_filter(seen, size=3), size=3) & air
     run = max(2, round(_MIN_HOLLOW / pitch))
     eroded = ndimage.minimum_filter(seen.view(np.uint8), size=(3, run, 3))
     # An even window is off centre by one: the mirrored origin undoes it, so this is a true opening.
@@ -151,8 +157,8 @@ def _depth(outside: Mask, unsigned: Floats, radius: float, pitch: float) -> Floa
     depth = np.zeros(shape, dtype=np.float32)
     margin = tuple(slice(max(s.start - 1, 0), min(s.stop + 1, n)) for s, n in zip(box, shape, strict=True))
     steps, indices = ndimage.distance_transform_edt(~outside[margin], return_indices=True)
-    # The outside node lies up to one pitch beyond the level set u = r.
-    beyond = np.clip(unsigned[margin][tuple(indices)] - radius, 0.0, pitch)
+    # The outside node lies somewhat beyond the level set u = r.
+    beyond = np.clip(unsigned[margin][tuple(indices)] - radius, 0.0, 1.5 * pitch)
     depth[margin] = np.where(steps > 0, np.maximum(steps * pitch - beyond - radius, 0.0), 0.0)
     return depth
 
@@ -160,7 +166,6 @@ def _depth(outside: Mask, unsigned: Floats, radius: float, pitch: float) -> Floa
 def _padding(depth: Floats, nearest: Ints, pitch: float) -> Floats:
     """What to take off the distance so that sheets are at least a centimetre thick and visible on the grid [m]."""
     half = max(0.005, 0.5 * pitch)
-    local = ndimage.maximum_filter(depth, size=3)
-    missing = np.clip(half - local, 0.0, half)
+    missing = np.clip(half - ndimage.maximum_filter(depth, size=3), 0.0, half)
     padding: Floats = missing.ravel()[nearest].astype(np.float32)
     return padding
