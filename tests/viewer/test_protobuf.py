@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from roam.v1 import motion_pb2, skeleton_pb2
 
+GOLDEN = Path(__file__).parents[2] / "proto/golden"
 VIEWER = Path(__file__).parents[2] / "clients/python/roam_command/viewer"
 
 SCRIPT = """
@@ -151,3 +152,47 @@ def test_arrays_are_packed_alike():
     assert base64.b64decode(packed) == values.astype("<f4").tobytes()
     np.testing.assert_array_equal(np.array(floats, np.float32), values.ravel())
     np.testing.assert_allclose(fractions, shorts / 32767, atol=1e-7)
+
+
+def golden(kind: str) -> dict[str, tuple[bytes, dict[str, Any]]]:
+    """The shared vectors of one message: name -> bytes and description."""
+    found = {
+        path.stem: (path.read_bytes(), json.loads(path.with_suffix(".json").read_text()))
+        for path in GOLDEN.glob("*.bin")
+    }
+    return {name: pair for name, pair in found.items() if pair[1]["message"].endswith(kind)}
+
+
+def test_the_golden_answers_are_read():
+    vectors = golden("AnimateResponse")
+    assert len(vectors) >= 4
+    jobs = [{"kind": "AnimateResponse", "data": base64.b64encode(data).decode()} for data, _ in vectors.values()]
+    for answer, (data, told) in zip(in_node(*jobs), vectors.values(), strict=True):
+        expected = motion_pb2.AnimateResponse.FromString(data)
+        kind = expected.WhichOneof("message")
+        for descriptor, value in getattr(expected, kind).ListFields():
+            if descriptor.type in (descriptor.TYPE_MESSAGE, descriptor.TYPE_BYTES):
+                continue
+            assert answer[kind][descriptor.name] == (
+                value if isinstance(value, str | bool | int | float) else list(value)
+            )
+        for path, array in told["arrays"].items():
+            read: Any = answer
+            for part in path.split("."):
+                read = read[part]
+            numbers = np.frombuffer(base64.b64decode(read), {"float32": "<f4", "int16": "<i2"}[array["type"]])
+            assert numbers.reshape(array["shape"]).tolist() == array["values"]
+
+
+def test_the_golden_requests_are_written_bit_for_bit():
+    requests = {
+        "control_pause": {"control": {"playback": {"paused": True}, "control_id": 201}},
+        "control_steer": {
+            "control": {"steer": {"velocity_x": 1.25, "velocity_z": -0.5, "facing": 0}, "control_id": 200}
+        },
+        "ack": {"ack": {"sequence": 90, "credit": 1}},
+    }
+    vectors = golden("AnimateRequest")
+    written = in_node(*({"kind": "AnimateRequest", "message": message} for message in requests.values()))
+    for name, data in zip(requests, written, strict=True):
+        assert base64.b64decode(data) == vectors[name][0], name
