@@ -28,7 +28,9 @@ def glb_of(category: str, number: int) -> bytes:
     """One piece as a GLB file."""
     vertices, faces = generate(category, number).mesh
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    return bytes(mesh.export(file_type="glb", include_normals=False))
+    data = mesh.export(file_type="glb", include_normals=False)
+    assert isinstance(data, bytes)
+    return data
 
 
 def main(folder: Path = OBJECTS) -> None:
