@@ -1,0 +1,151 @@
+"""`roam evaluate motion`: do characters reach goal poses on objects nobody has seen, without jumps and sliding feet?
+
+Goal poses are synthesised on the objects of a folder; each is approached from several starts, 2-4 m away (paper, 4.2).
+
+    python -m evaluation.motion --objects DIR --json FILE [--sheet FILE.png] [--approaches 50] [--around] …
+"""
+
+import argparse
+import json
+import math
+import platform
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+from motion.figure import humanoid_figure
+from motion.step import Animator, Steer
+
+from evaluation.goalpose_objects import find_objects
+from evaluation.motion_goals import SeatGoal, make_goals
+from evaluation.motion_runs import REACHED, Approach, Take, draw_starts, judge, run
+from evaluation.sheets import contact_sheet, top_view
+
+SHIPPED = Path(__file__).parents[1] / "weights" / "motion.safetensors"
+_FRONT = math.radians(60)
+_BATCH = 16
+
+
+def parse(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="roam evaluate motion", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--objects", type=Path, action="append", required=True, help="folder of meshes; repeat for more")
+    parser.add_argument("--json", type=Path, help="write all figures here")
+    parser.add_argument("--sheet", type=Path, help="write a contact sheet of the first takes here (PNG)")
+    parser.add_argument("--approaches", type=int, default=50)
+    parser.add_argument("--categories", help="comma-separated, default all but beds")
+    parser.add_argument("--action", default="sit", choices=("sit", "lie"))
+    parser.add_argument("--around", action="store_true", help="start on any side, not only in front")
+    parser.add_argument("--limit", type=int, default=0, help="at most so many objects")
+    parser.add_argument("--poses", type=Path, help="folder where synthesised goal poses are remembered")
+    parser.add_argument("--weights", type=Path, default=SHIPPED)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--speed", action="store_true", help="also measure the time of a step")
+    return parser.parse_args(argv)
+
+
+def summarise(runs: list[Approach]) -> dict[str, float]:
+    """The figures of issues 2 and 4, centimetres and percent."""
+
+    def mean(values: Sequence[float]) -> float:
+        return round(float(np.mean(values)), 3) if len(values) else math.nan
+
+    stood = [r.stood for r in runs if r.stood is not None]
+    times = [r.reached for r in runs if r.reached is not None]
+    return {
+        "approaches": len(runs),
+        "reached_percent": mean([100.0 * (r.mean <= REACHED) for r in runs]),
+        "mean_joint_cm": mean([100 * r.mean for r in runs]),
+        "hip_cm": mean([100 * r.hip for r in runs]),
+        "hands_cm": mean([100 * r.hands for r in runs]),
+        "held_cm": mean([100 * r.held for r in runs]),
+        "frames_to_goal_mean": mean(times),
+        "frames_to_goal_max": max(times, default=0),
+        "largest_jump_cm": round(100 * max(r.jump for r in runs), 2),
+        "jump_p95_cm": round(100 * float(np.quantile([r.jump for r in runs], 0.95)), 2),
+        "ankle_slide_cm_per_contact": mean([100 * r.ankle_slide for r in runs]),
+        "toe_slide_cm_per_contact": mean([100 * r.toe_slide for r in runs]),
+        "lowest_joint_cm": round(100 * min(r.lowest for r in runs), 2),
+        "depth_median_cm": round(100 * float(np.median([r.depth for r in runs])), 2),
+        "depth_p95_cm": round(100 * float(np.quantile([r.depth for r in runs], 0.95)), 2),
+        "stood_percent": mean([100.0 * (r.stood is not None) for r in runs]),
+        "frames_to_stand_mean": mean(stood),
+    }
+
+
+def step_time(animator: Animator, count: int, frames: int = 60) -> dict[str, float]:
+    """Milliseconds per step of `count` walking characters: median and best wall time, mean processor time."""
+    states = [animator.start((float(i), 0.0), 0.0, i) for i in range(count)]
+    wishes = [Steer(np.array([0.0, 1.0]))] * count
+    walls, before = [], 0.0
+    for t in range(frames + 5):
+        if t == 5:
+            before = time.process_time()
+        begin = time.perf_counter()
+        states = [state for state, _ in animator.step(states, wishes)]
+        walls.append(1000 * (time.perf_counter() - begin))
+    spent = 1000 * (time.process_time() - before) / frames
+    return {"median": round(float(np.median(walls[5:])), 2), "best": round(min(walls[5:]), 2), "processor": round(spent, 2)}
+
+
+def write_sheets(path: Path, takes: list[Take]) -> None:
+    """Side and front views, and a view from above beside them."""
+    figure = humanoid_figure()
+    motions, goals, roots, headings, ends = {}, {}, {}, {}, {}
+    for number, take in enumerate(takes[:4]):
+        title = f"{number} {take.goal.name[:28]}"
+        frame = figure.frame(torch.tensor(take.goal.pose.positions())[None])
+        motions[title] = frame.points_in(torch.tensor(take.positions.reshape(1, -1, 3))).numpy().reshape(take.positions.shape)
+        goals[title] = frame.points_in(torch.tensor(take.goal.pose.positions())[None])[0].numpy()
+        roots[title] = motions[title][:, 0, [0, 2]]
+        headings[title] = figure.facing(torch.tensor(motions[title])).numpy()
+        ends[title] = np.array([*goals[title][0, [0, 2]], 0.0, 1.0])
+    skeleton = figure.skeleton
+    contact_sheet(path, motions, skeleton.parents, skeleton.joint_names, goals=goals, columns=18)
+    top_view(path.with_stem(f"{path.stem}-above"), roots, headings, ends)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the evaluation; 0 when it ran, whatever the figures."""
+    options = parse(argv)
+    torch.set_num_threads(1)
+    categories = set(options.categories.split(",")) if options.categories else None
+    objects = find_objects(options.objects, categories=categories, held_out=False)[: options.limit or None]
+    goals = make_goals(objects, action=options.action, remembered=options.poses)
+    if not goals:
+        print("no usable objects found; give a folder of .glb, .obj, .ply, .stl or .off files")
+        return 2
+    animator = Animator.load(options.weights)
+    chosen: list[SeatGoal] = [goals[i % len(goals)] for i in range(options.approaches)]
+    starts = draw_starts(chosen, spread=math.pi if options.around else _FRONT, seed=options.seed)
+    frames = 450 if options.action == "lie" else 300
+    takes: list[Take] = []
+    for i in range(0, len(chosen), _BATCH):
+        takes += run(animator, chosen[i : i + _BATCH], starts[i : i + _BATCH], frames=frames)
+    runs = [judge(animator.figure, take, frames=frames) for take in takes]
+    report = {
+        "objects": len(goals),
+        "action": options.action,
+        "frames": frames,
+        "starts": "any side" if options.around else "within 60 degrees of the front, heading within 30 degrees",
+        "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
+        "summary": summarise(runs),
+        "runs": [asdict(r) for r in runs],
+    }
+    if options.speed:
+        report["step_ms"] = {str(n): step_time(animator, n) for n in (1, 8, 32)}
+        print(json.dumps(report["step_ms"]))
+    print(json.dumps(report["summary"], indent=1))
+    if options.json:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(json.dumps(report, indent=1) + "\n")
+    if options.sheet:
+        write_sheets(options.sheet, takes)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

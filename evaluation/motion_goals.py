@@ -1,0 +1,81 @@
+"""Goal poses to walk up to: synthesised on a folder of objects (and remembered), floor at zero."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from character.pose import Pose
+from character.skeleton import humanoid_skeleton
+from goalpose.objects import ObjectError, Shape, format_of, load_shape
+from goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
+
+from evaluation.goalpose_objects import EvaluationObject
+
+
+@dataclass(frozen=True, eq=False)
+class SeatGoal:
+    """One goal pose and the object under it, both with the floor at y = 0."""
+
+    name: str
+    category: str
+    action: str
+    pose: Pose
+    approach: np.ndarray | None  # [2] towards the open side, for lying
+    shape: Shape
+
+
+def make_goals(
+    objects: Iterable[EvaluationObject], *, action: str, remembered: Path | None, weights: Path | None = None
+) -> list[SeatGoal]:
+    """A goal pose for every readable object, from `remembered`/NAME-ACTION.json where it exists already."""
+    synthesizer: Synthesizer | None = None
+    goals = []
+    for item in objects:
+        try:
+            shape = load_shape(item.path.read_bytes(), format_of(item.path.name))
+        except ObjectError as error:
+            print(f"{item.name}: {error}")
+            continue
+        note = remembered / f"{item.name}-{action}.json" if remembered else None
+        if note is None or not note.exists():
+            if synthesizer is None:
+                synthesizer = Synthesizer.load(SynthesizerSettings(weights=weights) if weights else SynthesizerSettings())
+            result = synthesizer.synthesize(shape, GoalPoseRequest(action=action))
+            record = {"root_position": result.pose.root_position.tolist(), "rotations": result.pose.rotations.tolist()}
+            if note is not None:
+                note.parent.mkdir(parents=True, exist_ok=True)
+                note.write_text(json.dumps(record))
+        else:
+            record = json.loads(note.read_text())
+        goals.append(_goal(item, action, record, shape))
+    return goals
+
+
+def _goal(item: EvaluationObject, action: str, record: dict[str, list[float]], shape: Shape) -> SeatGoal:
+    pose = Pose(
+        humanoid_skeleton(), np.array(record["root_position"], np.float32), np.array(record["rotations"], np.float32)
+    )
+    pose = pose.moved(np.array([0, -shape.floor_height, 0], np.float32))
+    approach = open_side(pose, shape) if action == "lie" else None
+    return SeatGoal(item.name, item.category, action, pose, approach, shape)
+
+
+def open_side(pose: Pose, shape: Shape) -> np.ndarray:
+    """The side [2] (x, z) of a lying pose that is open: rays from the hips to both sides meet a back rest or nothing.
+
+    The paper casts one ray along the vector between the feet (supplement C) and flips it on a hit.
+    """
+    hips = pose.positions()[0] + np.array([0, shape.floor_height, 0])
+    yaw = pose.yaw()
+    left = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
+    reach = np.linspace(0.15, 0.8, 27)[:, None]
+    free = []
+    for side in (left, -left):
+        # Over the seat, at the height of a back or arm rest.
+        points = hips + np.array([0, 0.22, 0]) + reach * side
+        free.append(float(shape.distance.query(torch.tensor(points, dtype=torch.float32)).min()))
+    best = left if free[0] >= free[1] else -left
+    return np.array([best[0], best[2]])

@@ -1,0 +1,159 @@
+"""Approaches: many characters walk up to their goals at once, and what is measured of each."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from character.body import body_capsules
+from motion.figure import CONTACT_JOINTS, Figure
+from motion.step import Animator, CharacterState, FrameData, Goal, Idle
+
+from evaluation.motion_goals import SeatGoal
+
+APPROACH = 300  # frames until the goal must be reached (paper, 4.2)
+LEAVE = 150  # frames to stand up in
+REACHED = 0.05  # [m] mean joint distance (issue 2)
+_UPRIGHT = 0.86  # [m] hips
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a character starts: place [m], heading [rad], seed."""
+
+    x: float
+    z: float
+    heading: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Approach:
+    """One approach, judged. Metres, frames."""
+
+    object: str
+    category: str
+    action: str
+    mean: float  # mean joint distance to the goal pose at the best frame
+    hip: float  # hip distance at that frame
+    hands: float  # mean distance of both hands at that frame
+    held: float  # mean joint distance at the last frame of the approach
+    reached: int | None  # first frame within 5 cm
+    jump: float  # largest distance that any joint moves between two frames
+    jump_joint: str
+    ankle_slide: float  # horizontal way of an ankle per contact
+    toe_slide: float
+    lowest: float  # lowest joint over the floor
+    depth: float  # deepest body capsule in the object on the way, before the hold
+    stood: int | None  # frames from the command until upright
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """The frames of one approach."""
+
+    goal: SeatGoal
+    positions: np.ndarray  # [T, J, 3]
+    contacts: np.ndarray  # [T, 4]
+    distance: np.ndarray  # [T] to the goal pose, whether or not it is active
+
+
+def draw_starts(goals: list[SeatGoal], *, spread: float, seed: int) -> list[Start]:
+    """2-4 m from the goal hip, within `spread` [rad] of its open side, heading within 30 degrees of facing it."""
+    rng = np.random.default_rng(seed)
+    starts = []
+    for number, goal in enumerate(goals):
+        hip = goal.pose.positions()[0]
+        front = goal.pose.yaw() if goal.approach is None else math.atan2(*map(float, goal.approach))
+        angle, distance = front + rng.uniform(-spread, spread), rng.uniform(2.0, 4.0)
+        x, z = hip[0] + distance * math.sin(angle), hip[2] + distance * math.cos(angle)
+        heading = angle + math.pi + rng.uniform(-math.pi / 6, math.pi / 6)
+        starts.append(Start(float(x), float(z), heading, seed * 1000 + number))
+    return starts
+
+
+def run(animator: Animator, goals: list[SeatGoal], starts: list[Start], *, frames: int = APPROACH) -> list[Take]:
+    """All approaches in one batch: `frames` towards the goal, then `LEAVE` with the command to stand."""
+    states: list[CharacterState] = [animator.start((s.x, s.z), s.heading, s.seed) for s in starts]
+    wishes = [Goal(g.pose, g.action, g.approach) for g in goals]
+    shown: list[list[FrameData]] = []
+    for t in range(frames + LEAVE):
+        pairs = animator.step(states, wishes if t < frames else [Idle()] * len(goals))
+        states = [state for state, _ in pairs]
+        shown.append([frame for _, frame in pairs])
+    takes = []
+    for i, goal in enumerate(goals):
+        positions = np.stack([row[i].positions for row in shown])
+        contacts = np.stack([row[i].contacts for row in shown])
+        distance = np.linalg.norm(positions - goal.pose.positions(), axis=-1).mean(-1)
+        takes.append(Take(goal, positions, contacts, distance))
+    return takes
+
+
+def judge(figure: Figure, take: Take, *, frames: int = APPROACH) -> Approach:
+    """The measures of one take."""
+    names = figure.skeleton.joint_names
+    target, way = take.goal.pose.positions(), take.positions
+    distance = take.distance[:frames]
+    best = int(distance.argmin())
+    apart = np.linalg.norm(way[best] - target, axis=-1)
+    steps = np.linalg.norm(np.diff(way, axis=0), axis=-1)
+    within = np.flatnonzero(distance <= REACHED)
+    upright = np.flatnonzero(way[frames:, 0, 1] > _UPRIGHT)
+    slides = slide_per_contact(figure, take)
+    seated = int(within[0]) if len(within) else frames
+    return Approach(
+        object=take.goal.name,
+        category=take.goal.category,
+        action=take.goal.action,
+        mean=float(distance[best]),
+        hip=float(apart[0]),
+        hands=float(apart[figure.skeleton.indices(["leftHand", "rightHand"])].mean()),
+        held=float(distance[-1]),
+        reached=seated if len(within) else None,
+        jump=float(steps.max()),
+        jump_joint=names[int(steps.max(0).argmax())],
+        ankle_slide=slides[0],
+        toe_slide=slides[1],
+        lowest=float(way[..., 1].min()),
+        depth=deepest(figure, take, seated),
+        stood=int(upright[0]) if len(upright) else None,
+    )
+
+
+def slide_per_contact(figure: Figure, take: Take) -> tuple[float, float]:
+    """Mean horizontal way [m] of ankles and of toe joints over one contact, as reported in the frames."""
+    feet = take.positions[:, figure.contacts.numpy()][..., [0, 2]]
+    moved = np.linalg.norm(np.diff(feet, axis=0), axis=-1)
+    both = take.contacts[1:] & take.contacts[:-1]
+    ends = (take.contacts[:-1] & ~take.contacts[1:]).sum(0) + take.contacts[-1]
+    sums = (moved * both).sum(0)
+    out = []
+    for kind in ("Foot", "Toes"):
+        columns = [i for i, name in enumerate(CONTACT_JOINTS) if name.endswith(kind)]
+        out.append(float(sums[columns].sum() / max(1, ends[columns].sum())))
+    return out[0], out[1]
+
+
+def deepest(figure: Figure, take: Take, until: int, *, every: int = 3) -> float:
+    """Deepest point of the body's capsule axes in the object, plus radius [m], up to frame `until`; hips and thighs aside,
+    which rest on the seat. Joint orientations are not needed: a capsule's axis runs along the bone to its child joint.
+    """
+    import torch
+
+    capsules = body_capsules(figure.skeleton)
+    parents = figure.skeleton.parents
+    skipped = {"hips", "spine", "leftUpperLeg", "rightUpperLeg"}
+    deepest_found = 0.0
+    frames = take.positions[:until:every]
+    for joint, parent in enumerate(parents):
+        if parent < 0 or figure.skeleton.joint_names[parent] in skipped:
+            continue
+        radii = [float(r) for j, r in zip(capsules.joint, capsules.radius, strict=True) if int(j) == parent]
+        if not radii:
+            continue
+        share = np.linspace(0, 1, 4)[:, None, None]
+        points = frames[None, :, parent] * (1 - share) + frames[None, :, joint] * share
+        points = points + np.array([0, take.goal.shape.floor_height, 0])
+        gap = take.goal.shape.distance.query(torch.tensor(points.reshape(-1, 3), dtype=torch.float32))
+        deepest_found = max(deepest_found, min(radii) - float(gap.min()))
+    return deepest_found

@@ -1,0 +1,51 @@
+"""A network of random weights, a standing character and a seated goal pose, for the tests of the motion domain."""
+
+import numpy as np
+import torch
+from character.pose import Pose, rest_pose
+from character.rotation import quat_from_rotvec, quat_to_matrix
+from character.skeleton import humanoid_skeleton
+from motion.features import Goals, network_config
+from motion.figure import humanoid_figure
+from motion.network import MotionNetwork, Normaliser
+from motion.step import Animator
+
+
+def random_animator(seed: int = 0) -> Animator:
+    """Small random weights: motion without meaning, but through all the code."""
+    torch.manual_seed(seed)
+    figure = humanoid_figure()
+    config = network_config(figure.joint_count, experts=3, encoding=16, hidden=16)
+    normaliser = Normaliser(config)
+    normaliser.get_buffer("output_std").fill_(0.01)
+    starts = {"height": torch.tensor([0.96]), "orientations": torch.eye(3).expand(1, figure.joint_count, 3, 3).clone()}
+    return Animator(figure, MotionNetwork(config), normaliser, starts)
+
+
+def seated_pose(seat: float = 0.45, ahead: float = 0.0) -> Pose:
+    """Thighs level, shins upright, feet flat; hips over (0, 0), facing +Z."""
+    skeleton = humanoid_skeleton()
+    rotations = rest_pose(skeleton).rotations.copy()
+    bend = quat_from_rotvec(np.array([-np.pi / 2, 0, 0], np.float32))
+    for side in ("left", "right"):
+        rotations[skeleton.index(f"{side}UpperLeg")] = bend
+        rotations[skeleton.index(f"{side}LowerLeg")] = bend * np.array([-1, -1, -1, 1], np.float32)
+        arm = np.array([0, 0, -1.2 if side == "left" else 1.2], np.float32)
+        rotations[skeleton.index(f"{side}UpperArm")] = quat_from_rotvec(arm)
+    return Pose(skeleton, np.array([0, seat + 0.11, ahead], np.float32), rotations)
+
+
+def goals_at(pose: Pose, action: int, *, active: bool) -> Goals:
+    """Network goals of one character that all point at a pose's root."""
+    figure = humanoid_figure()
+    orientations = figure.world(quat_to_matrix(torch.tensor(pose.rotations)))[None]
+    positions = figure.positions(torch.tensor(pose.root_position)[None], orientations)
+    frame = figure.frame(positions)
+    return Goals(
+        positions=frame.origin[:, None].expand(-1, 13, -1),
+        directions=frame.direction[:, None].expand(-1, 13, -1),
+        action=torch.nn.functional.one_hot(torch.tensor([action]), 4).float(),
+        active=torch.tensor([float(active)]),
+        pose_positions=positions,
+        pose_orientations=orientations,
+    )

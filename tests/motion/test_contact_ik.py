@@ -1,0 +1,72 @@
+import torch
+from motion.contact_ik import plant
+from motion.state import Characters
+from standing import random_animator
+
+
+def standing():
+    animator = random_animator()
+    characters = Characters.stack([animator.start((0, 0), 0.0, 0).body])
+    figure = animator.figure
+    return figure, characters, figure.positions(characters.hips, characters.orientations)
+
+
+def planted(figure, characters, before, wanted, contacts, seated=0.0):
+    feet = plant(
+        figure, characters, before, wanted, characters.orientations, contacts,
+        seated=torch.tensor([seated]), floor=torch.ones(1),
+    )  # fmt: skip
+    characters = characters.map(lambda t: t)
+    characters.locks, characters.lock_weights = feet.locks, feet.weights
+    characters.hips, characters.orientations = feet.hips, feet.orientations
+    return characters, figure.positions(feet.hips, feet.orientations)
+
+
+def test_held_feet_stay_while_the_body_moves_on():
+    figure, characters, joints = standing()
+    first = joints.clone()
+    for frame in range(6):
+        wanted = first + torch.tensor([0.0, -0.02, 0.01 * (frame + 1)])
+        characters, joints = planted(figure, characters, joints, wanted, torch.ones(1, 4))
+    moved = (joints - first)[0]
+    assert float(moved[figure.contacts].norm(dim=-1).max()) < 0.004
+    assert float(moved[0, 2]) > 0.05
+
+
+def test_a_foot_without_contact_follows_the_network_no_faster_than_feet_move():
+    figure, characters, joints = standing()
+    wanted = joints + torch.tensor([0.0, 0.05, 0.30])
+    before = joints
+    for _ in range(8):
+        characters, after = planted(figure, characters, before, wanted, torch.zeros(1, 4))
+        assert float((after - before)[0, figure.contacts[[0, 2]]].norm(dim=-1).max()) < 0.11
+        before = after
+    assert float((before - wanted)[0, figure.contacts[[0, 2]]].norm(dim=-1).max()) < 0.05
+
+
+def test_feet_stay_above_the_floor():
+    figure, characters, joints = standing()
+    wanted = joints - torch.tensor([0.0, 0.30, 0.0])
+    _, after = planted(figure, characters, joints, wanted, torch.zeros(1, 4))
+    assert float(after[0, figure.contacts, 1].min()) > 0.018
+
+
+def test_a_foot_out_of_reach_is_let_go():
+    figure, characters, joints = standing()
+    wanted = joints + torch.tensor([0.0, 0.0, 0.9])
+    wanted[0, figure.contacts] = joints[0, figure.contacts]
+    characters, _ = planted(figure, characters, joints, wanted, torch.ones(1, 4))
+    assert float(characters.lock_weights.max()) < 1.0
+
+
+def test_a_seated_foot_in_the_wrong_place_takes_one_step_at_a_time():
+    figure, characters, joints = standing()
+    wanted = joints.clone()
+    wanted[0, figure.contacts] += torch.tensor([0.0, 0.0, 0.08])
+    both_away = 0
+    for _ in range(60):
+        characters, joints = planted(figure, characters, joints, wanted, torch.ones(1, 4), seated=1.0)
+        away = (characters.lock_weights > 0) & (characters.lock_weights < 1)
+        both_away += int(away[0, :2].any() and away[0, 2:].any())
+    assert both_away == 0
+    assert float((joints - wanted)[0, figure.contacts[[0, 2]]][:, [0, 2]].norm(dim=-1).max()) < 0.015

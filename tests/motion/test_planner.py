@@ -1,0 +1,51 @@
+import math
+
+import numpy as np
+import pytest
+from motion.planner import Plan, Steering, Target, advance_plan, follow, plan_keys
+
+
+def walk(plan, aim, seconds):
+    track = []
+    for _ in range(int(seconds * 30)):
+        plan = advance_plan(plan, aim, 1 / 30)
+        track.append((plan.x, plan.z, plan.yaw))
+    return plan, np.array(track)
+
+
+def test_a_plan_arrives_and_turns():
+    plan, _ = walk(Plan(0.5, 3.0, yaw=math.pi), Target(0.0, 0.4, 0.0, (0.0, 0.0, 0.0)), 9)
+    assert math.hypot(plan.x, plan.z - 0.4) < 0.06
+    assert abs(plan.yaw) < 0.1
+
+
+@pytest.mark.parametrize("angle", [100, 150, 180, -120])
+def test_a_plan_from_behind_goes_round_the_seat(angle):
+    start = math.radians(angle)
+    aim = Target(0.0, 0.45, 0.0, (0.0, 0.0, 0.0))
+    plan, track = walk(Plan(3 * math.sin(start), 3 * math.cos(start), yaw=0.3), aim, 16)
+    assert math.hypot(plan.x, plan.z - 0.45) < 0.08
+    assert np.hypot(track[:, 0], track[:, 1]).min() > 0.40
+
+
+def test_nobody_plans_to_walk_faster_than_people_do():
+    _, track = walk(Plan(0.0, 5.0), Target(0.0, 0.0, 0.0), 8)
+    speed = np.hypot(*np.diff(track[:, :2], axis=0).T) * 30
+    assert 0.7 < speed.max() < 1.3
+    assert np.abs(np.diff(np.unwrap(track[:, 2]))).max() * 30 < 2.5
+
+
+def test_steering_reaches_the_wanted_velocity_and_facing():
+    plan, _ = walk(Plan(0, 0), Steering(0.0, -0.5, 0.0), 3)
+    assert plan.vz == pytest.approx(-0.5, abs=0.01)
+    assert plan.yaw == pytest.approx(0.0, abs=0.05)
+    places, directions = plan_keys(plan, Steering(0.0, -0.5, 0.0))
+    assert places.shape == directions.shape == (13, 2)
+    assert places[-1, 1] - places[0, 1] == pytest.approx(-1.0, abs=0.05)
+
+
+def test_the_plan_stays_near_the_character():
+    plan = Plan(0, 0)
+    for _ in range(90):
+        plan = follow(plan, Steering(1.0, 0.0, None), 0.0, 0.0, 0.0, 1 / 30)
+    assert math.hypot(plan.x, plan.z) < 0.4
