@@ -51,7 +51,7 @@ def test_same_seed_same_batch(store: Store) -> None:
 def test_loss_falls(store: Store, config: TrainingConfig) -> None:
     run, random = Run(config), np.random.default_rng(0)
     batch = draw([Source(store, 1.0, 1.0)], random, size=4, queries=256)
-    losses = [sum(run.one_step(batch).values()) for _ in range(80)]
+    losses = [sum(run.one_step(batch).values()) for _ in range(200)]
     assert losses[-1] < 0.7 * losses[0]
 
 

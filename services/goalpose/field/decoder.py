@@ -54,13 +54,17 @@ class Decoder(nn.Module):
         distance = torch.sqrt(gaps.clamp_min(0.0) + 1e-4)  # [B, Q, M], rounded off within a centimetre of an anchor
         reach = torch.exp(self.log_reach)
         for head in range(c.heads):
-            scores = -distance / reach[head]
-            soft = torch.softmax(scores, -1) @ latent.local[:, head]
+            # One exponential serves the average and the soft minimum of the distances alike.
+            scores = distance * (-1 / reach[head])
+            highest = scores.detach().amax(-1, keepdim=True)
+            weights = torch.exp(scores - highest)
+            total = weights.sum(-1, keepdim=True)
+            soft = (weights @ latent.local[:, head]) / total
             own, flat, products, place = soft.split([c.local_scalars, 3 * c.local_vectors, c.local_vectors, 3], -1)
             along = (x[..., None] * flat.unflatten(-1, (3, c.local_vectors))).sum(-2) - products
             offset = x - place
             gap = torch.sqrt((offset * offset).sum(-1, keepdim=True) + 1e-4)
-            nearness = -reach[head] * torch.logsumexp(scores, -1, keepdim=True)
+            nearness = -reach[head] * (highest + torch.log(total))
             parts += [nearness, gap, own, along]
         return torch.cat(parts, -1)
 

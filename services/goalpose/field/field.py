@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from goalpose.field.config import FieldConfig
 from goalpose.field.decoder import Answer, Decoder
+from goalpose.field.direction import direction
 from goalpose.field.encoder import Encoder
 from goalpose.field.latent import Latent
 
@@ -65,7 +66,7 @@ class Field(nn.Module):
         that no layer outweighs the others.
         """
         numbers = torch.cat(self.decoder.activations(latent, queries), -1)
-        return nn.functional.normalize((numbers - self.mean) / self.deviation, dim=-1)
+        return direction(numbers, self.mean, 1 / self.deviation)
 
     def occupancy(self, latent: Latent, queries: Tensor) -> Tensor:
         """Occupancy logits `[B, Q]` of queries `[B, Q, 3]`: Eq. 2 before the sigmoid."""

@@ -128,17 +128,15 @@ def _means(group: Sequence[ShapeScore]) -> dict[str, float]:
 
 def print_table(name: str, table: dict[str, dict[str, float]]) -> None:
     """One line per category."""
-    print(f"{name}: {'category':12} objects    IoU  IoU 3cm  beyond 3cm  front error [m]")
+    print(f"{name}: objects, IoU, IoU 3 cm, IoU beyond 3 cm, front error [m]")
     for category, row in table.items():
         cells = [row.get(key, math.nan) for key in ("iou", "iou_3cm", "iou_beyond_3cm", "front_error")]
-        pad = " " * (len(name) + 2)
-        print(
-            f"{pad}{category:12} {row['objects']:7d}  {cells[0]:.3f}  {cells[1]:7.3f}  {cells[2]:10.3f}  {cells[3]:15.3f}"
-        )
+        numbers = "".join(f"{cell:12.3f}" for cell in cells)
+        print(f"  {category:12} {row['objects']:4d}{numbers}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Scores a field on folders of meshes (canonical form: metres, +Y up, seat facing +Z) and on generated furniture."""
+    """Scores a field on folders of meshes in canonical form (metres, +Y up, facing +Z) and on generated furniture."""
     parser = argparse.ArgumentParser(description="Occupancy of the descriptor field on unseen shapes.")
     parser.add_argument("--weights", type=Path, default=Path("weights/field.safetensors"))
     parser.add_argument("--objects", type=Path, nargs="*", default=[], metavar="DIR")

@@ -66,14 +66,14 @@ def card_section(entry: dict[str, Any]) -> str:
         HEADING,
         "",
         f"`{NAME}`: vector-neuron encoder and occupancy decoder (paper 3.1.1), one model",
-        f"for {len(recipe['categories'])} categories. Trained for {entry['minutes']} minutes on one CPU thread ({entry['steps']} steps of "
-        f"{recipe['batch']} objects, seed {recipe['seed']})",
+        f"for {len(recipe['categories'])} categories. Trained for {entry['minutes']} minutes on one CPU thread",
+        f"({entry['steps']} steps of {recipe['batch']} objects, seed {recipe['seed']})",
         f"on {shapes} shapes. The `test` set was never used, and about a sixth of the real `train`",
         "meshes is held out by a hash of the file name.",
         "",
         f"Occupancy at logit > {quality['occupancy_logit_threshold']} (chosen on training shapes), from 1,024",
-        "surface points, over uniform queries in the box padded by 15 cm. *3 cm*: errors of up to 3 cm forgiven; *beyond*: only points",
-        "more than 3 cm from the surface count (left out where a shape is nowhere so thick).",
+        "surface points, over uniform queries in the box padded by 15 cm. *3 cm*: errors of up to 3 cm forgiven;",
+        "*beyond*: only points more than 3 cm from the surface count (left out where a shape is nowhere so thick).",
     ]
     for name in (key for key in quality if key.startswith("held_out_")):
         lines += ["", f"{name.removeprefix('held_out_').capitalize()} shapes, held out:", "", *_table(quality[name])]
