@@ -9,7 +9,7 @@ from roam.v1 import goal_pose_pb2, skeleton_pb2
 
 from goalpose.messages import ACTIONS
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]  # nothing sensible is larger, float32 holds it
 Point = Annotated[list[Number], Field(min_length=3, max_length=3)]
 
 _ACTION_NAMES = {number: name for name, number in ACTIONS.items()}

@@ -21,7 +21,7 @@ from motion import rpc
 from motion.application import MotionApplication
 from motion.http import motion_router
 from motion.settings import MotionSettings
-from motion.step import Animator
+from motion.step import Animator, Idle
 from motion.websocket import websocket_router
 
 SHIPPED_WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
@@ -29,7 +29,9 @@ SHIPPED_WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
 
 def _load(weights: Path) -> tuple[Animator, str]:
     """The network, and the hash that GetServerInfo tells."""
-    return Animator.load(weights), f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
+    animator = Animator.load(weights)
+    animator.step([animator.start((0.0, 0.0), 0.0, 0)], [Idle()])  # the first step is slow: let no client wait for it
+    return animator, f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
 
 
 class MotionService:

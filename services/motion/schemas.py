@@ -12,7 +12,7 @@ from motion.sessions import Event, FrameRecord, Session
 from motion.state import FRAME_RATE
 from motion.stream import Item, StreamStart
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]  # nothing sensible is larger, float32 holds it
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
@@ -51,7 +51,7 @@ class CreateSessionJson(_Strict):
     request_id: str = Field("", max_length=64, description="the same id again returns the same session")
     start: PlacementJson = PlacementJson()
     seed: int | None = Field(None, ge=0, lt=1 << 64)
-    idle_timeout: float | None = Field(None, gt=0, description="kept this long without a client [s]")
+    idle_timeout: Number | None = Field(None, gt=0, description="kept this long without a client [s]")
     floor_height: Number = Field(0.0, description="height of the floor [m]")
     skeleton_id: str = ""
 

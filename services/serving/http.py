@@ -9,7 +9,7 @@ from fastapi_offline import FastAPIOffline
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from serving.errors import INTERNAL, ServiceError
@@ -97,7 +97,7 @@ def operations_router(readiness: Readiness, metrics: Metrics) -> APIRouter:
         body: Mapping[str, Any] = {"status": "ready" if readiness.ready else "blocked", "blockers": readiness.blockers}
         return JSONResponse(body, status_code=200 if readiness.ready else 503)
 
-    @router.get("/metrics", summary="Prometheus metrics")
+    @router.get("/metrics", summary="Prometheus metrics", response_class=PlainTextResponse)
     async def exposition() -> Response:
         return Response(metrics.exposition(), media_type="text/plain; version=0.0.4; charset=utf-8")
 

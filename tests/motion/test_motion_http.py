@@ -98,7 +98,8 @@ async def test_control_by_hand_and_by_goal(client):
     ("path", "body", "field"),
     [
         ("/v1/sessions", {"start": {"x": "far"}}, "start.x"),
-        ("/v1/sessions", {"idle_timeout": 1e9}, "idle_timeout"),
+        ("/v1/sessions", {"idle_timeout": 1e8}, "idle_timeout"),
+        ("/v1/sessions", {"idle_timeout": 1.7e308}, "idle_timeout"),
         ("/v1/sessions", {"unknown": 1}, "unknown"),
         ("control", {}, "control.input"),
         ("control", {"steer": {"velocity": [1.0]}}, "steer.velocity"),
