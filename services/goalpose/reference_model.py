@@ -7,6 +7,7 @@ from character.rotation import quat_inv, quat_rotate
 from torch import Tensor
 
 from goalpose.energy.angle_limit import load_limits
+from goalpose.energy.clearance import clearances
 from goalpose.energy.contact import Contacts, find_contacts
 from goalpose.energy.descriptor import DescriptorField, make_probes, pose_descriptor
 from goalpose.energy.figure import Figure, figure_from_pose
@@ -39,6 +40,7 @@ def model_reference(
     with torch.no_grad():
         latent = field.encode(torch.as_tensor(pair.shape.points[:points])[None])
         descriptors = pose_descriptor(field, latent, figure, probes)[0]
+        room = clearances(figure, body, pair.shape.distance)[0]
         overlap = penetration_depths(figure, body, pair.shape.distance)[0]
     return ReferenceModel(
         skeleton=skeleton,
@@ -53,6 +55,7 @@ def model_reference(
         collision_pairs=pairs,
         collision_allowance=pair_depths(figure, body, pairs)[0].clamp(min=0.0) + GIVE,
         limits=load_limits(skeleton),
+        clearances=room,
         hip_height=height_above_surface(pair.shape.distance, figure.root_position[0]),
         floor_height=pair.shape.floor_height,
     )

@@ -79,7 +79,7 @@ def coarse_search(
     weights = settings.weights
     figure = placed_figures(model, places, turns, target.floor_height)
     cheap = replace(settings, weights=replace(weights, prior=0.0, angle_limit=0.0, gravity=0.0, self_collision=0.0))
-    if weights.contact or weights.penetration:
+    if weights.contact or weights.penetration or weights.clearance:
         candidates = evaluate(figure, model, target, without_descriptor(cheap))
         figure = figure[distinct(candidates, shortlist, reach=0.06, angle=0.3)]
     candidates = evaluate(figure, model, target, settings)

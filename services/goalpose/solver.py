@@ -1,18 +1,31 @@
-"""The default solver: a coarse rigid search, then few Adam steps on ever fewer survivors with the whole energy."""
+"""The default solver: a coarse rigid search, then Gauss-Newton on ever fewer survivors with the whole energy."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from goalpose.candidates import Candidates, distinct
-from goalpose.descent import Schedule, descend
-from goalpose.energy.figure import Figure
-from goalpose.energy.total import ReferenceModel, Settings, Target, total_energy
+from goalpose.energy.total import ReferenceModel, Settings, Target
 from goalpose.energy.weights import DEFAULT, EnergyWeights
+from goalpose.newton import minimise
 from goalpose.progress import Progress, Watch
-from goalpose.search import coarse_search, evaluate, headings
+from goalpose.search import coarse_search, headings
+
+
+@dataclass(frozen=True)
+class Round:
+    """One stage: how many candidates go in, how long, with how many probes per centre."""
+
+    keep: int
+    iterations: int
+    samples: int
+    joints: bool
+
+
+RIGID = Round(keep=8, iterations=4, samples=1, joints=False)
+JOINTS = Round(keep=5, iterations=5, samples=1, joints=True)
+FINISH = Round(keep=2, iterations=10, samples=3, joints=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,57 +34,67 @@ class SolverConfig:
 
     weights: EnergyWeights = DEFAULT
     headings: int = 24
-    shortlist: int = 96  # placements that geometry passes on to the descriptor
-    starts: int = 10  # placements that are optimised
-    finalists: int = 3
-    rigid: Schedule = Schedule(20, 0.008, 0.04, joints=False, decay=0.3)
-    joints: Schedule = Schedule(30, 0.006, 0.03, joints=True, decay=0.5)
-    finish: Schedule = Schedule(50, 0.004, 0.02, joints=True, decay=0.1)
-    coarse_samples: int = 2  # probes per centre
-    samples: int = 4
+    shortlist: int = 48  # placements that geometry passes on to the descriptor
+    contenders: int = 3  # references that are tried before one is chosen
+    coarse_samples: int = 1  # probes per centre
+    rigid: Round = RIGID
+    joints: Round = JOINTS
+    finish: Round = FINISH
+
+    @property
+    def samples(self) -> int:
+        """Probes per centre that a reference model needs."""
+        return max(self.coarse_samples, self.rigid.samples, self.joints.samples, self.finish.samples)
 
     @property
     def iterations(self) -> int:
-        """Adam steps in all."""
+        """Steps in all."""
         return self.rigid.iterations + self.joints.iterations + self.finish.iterations
 
 
 def start_placements(
-    model: ReferenceModel, target: Target, config: SolverConfig, *, places: Tensor, initial_yaw: float
+    model: ReferenceModel, target: Target, config: SolverConfig, *, places: Tensor, initial_yaw: float, keep: int = 0
 ) -> Candidates:
     """The coarse search of one reference: the placements worth optimising, best first."""
     settings = Settings(config.weights, config.coarse_samples)
     turns = headings(config.headings, initial_yaw)
     return coarse_search(
-        model, target, settings, places=places, turns=turns, shortlist=config.shortlist, keep=config.starts
+        model, target, settings, places=places, turns=turns, shortlist=config.shortlist, keep=keep or config.rigid.keep
     )
+
+
+def best_after_trial(starts: Candidates, model: ReferenceModel, target: Target, config: SolverConfig) -> float:
+    """The energy that the best two placements reach in a few steps: what references are compared by."""
+    tried = starts.picked(distinct(starts, 2)).figure
+    settings = Settings(config.weights, config.joints.samples)
+    for joints in (False, True):
+        found = minimise(tried, model, target, settings, iterations=3, joints=joints)
+        tried = found.figure
+    return float(found.energy.min())
 
 
 def refine(starts: Candidates, model: ReferenceModel, target: Target, config: SolverConfig, watch: Watch) -> Candidates:
     """Root, then all joints, then all joints of the finalists; best first."""
-    done = 0
-    found = starts
-    for stage, schedule in ((1, config.rigid), (2, config.joints), (3, config.finish)):
-        fine = stage == 3
-        settings = Settings(config.weights, config.samples if fine else config.coarse_samples)
-        if fine:
-            found = found.picked(distinct(found, config.finalists))
-        found = descend(
-            found.figure, _objective(model, target, settings), schedule, watch=_reporter(watch, stage, done, config)
+    found, done = starts, 0
+    for stage, turn in ((1, config.rigid), (2, config.joints), (3, config.finish)):
+        if stage > 1:
+            found = found.picked(distinct(found, turn.keep))
+        found = minimise(
+            found.figure,
+            model,
+            target,
+            Settings(config.weights, turn.samples),
+            iterations=turn.iterations,
+            joints=turn.joints,
+            watch=_reporter(watch, stage, done, config),
         )
-        done += schedule.iterations
-    return evaluate(found.figure, model, target, replace(settings, samples=config.samples)).ranked()
-
-
-def _objective(
-    model: ReferenceModel, target: Target, settings: Settings
-) -> Callable[[Figure], tuple[Tensor, dict[str, Tensor]]]:
-    return lambda figure: total_energy(figure, model, target, settings)
+        done += turn.iterations
+    return found.ranked()
 
 
 def _reporter(watch: Watch, stage: int, done: int, config: SolverConfig) -> Callable[[int, Candidates], None]:
     def report(iteration: int, found: Candidates) -> None:
-        best = int(torch.argmin(found.energy))
+        best = int(found.energy.argmin())
         watch.tell(
             lambda: Progress(stage, done + iteration, config.iterations, float(found.energy[best]), found.pose(best))
         )

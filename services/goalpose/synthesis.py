@@ -22,7 +22,7 @@ from goalpose.places import find_places
 from goalpose.progress import Listener, Progress, Watch
 from goalpose.reference_model import model_reference
 from goalpose.references import ACTIONS, ReferencePair, load_references
-from goalpose.solver import SolverConfig, refine, start_placements
+from goalpose.solver import SolverConfig, best_after_trial, refine, start_placements
 
 SOLVERS = ("default", "paper")
 ENCODER_POINTS = 1500
@@ -150,20 +150,37 @@ class Synthesizer:
     def _solve_default(
         self, shape: Shape, target: Target, pairs: list[ReferencePair], request: GoalPoseRequest, watch: Watch
     ) -> tuple[ReferencePair, Candidates]:
-        config = replace(self.config, starts=request.restarts) if request.restarts else self.config
+        config = self.config
+        keep = request.restarts or config.rigid.keep
         places = find_places(shape)
         if not len(places):
             places = torch.tensor(shape.bounds.mean(0), dtype=torch.float32)[None]
-        best: tuple[ReferencePair, Candidates] | None = None
+        found: list[tuple[float, ReferencePair, Candidates]] = []
         for pair in pairs:
             watch.check()
             model = self.model(pair, request.seed, config.samples)
-            starts = start_placements(model, target, config, places=places, initial_yaw=request.initial_yaw or 0.0)
-            if best is None or float(starts.energy[0]) < float(best[1].energy[0]):
-                best = pair, starts
-        assert best is not None
-        pair, starts = best
+            starts = start_placements(model, target, config, places=places, initial_yaw=request.initial_yaw or 0.0, keep=keep)
+            found.append((float(starts.energy[0]), pair, starts))
+        found.sort(key=lambda item: item[0])
+        if len(found) > 1:
+            found = self._trial(found[: config.contenders], target, request, watch)
+        _, pair, starts = found[0]
         return pair, refine(starts, self.model(pair, request.seed, config.samples), target, config, watch)
+
+    def _trial(
+        self,
+        contenders: list[tuple[float, ReferencePair, Candidates]],
+        target: Target,
+        request: GoalPoseRequest,
+        watch: Watch,
+    ) -> list[tuple[float, ReferencePair, Candidates]]:
+        """The references whose placements promise most, ranked by what a few steps make of each one's best two."""
+        tried = []
+        for _, pair, starts in contenders:
+            watch.check()
+            energy = best_after_trial(starts, self.model(pair, request.seed, self.config.samples), target, self.config)
+            tried.append((energy, pair, starts))
+        return sorted(tried, key=lambda item: item[0])
 
     def _solve_paper(
         self, shape: Shape, target: Target, pairs: list[ReferencePair], request: GoalPoseRequest, watch: Watch

@@ -63,8 +63,12 @@ def load_limits(skeleton: Skeleton) -> AngleLimits:
     )
 
 
+def angle_excess(rotations: Tensor, limits: AngleLimits) -> Tensor:
+    """How far the angles of the bounded joints [..., K, 4] lie outside. -> [..., K, 3] [rad], signed."""
+    angles = swing_twist(rotations, limits.axis)
+    return (angles - limits.high).clamp(min=0.0) - (limits.low - angles).clamp(min=0.0)
+
+
 def angle_limit_energy(figure: Figure, limits: AngleLimits) -> Tensor:
     """E_a = mean_j sum of squared excess over the three bounds of joint j. -> [B] [rad^2]."""
-    angles = swing_twist(figure.rotations[:, limits.joint], limits.axis)
-    excess = (angles - limits.high).clamp(min=0.0) + (limits.low - angles).clamp(min=0.0)
-    return excess.square().sum(-1).mean(-1)
+    return angle_excess(figure.rotations[:, limits.joint], limits).square().sum(-1).mean(-1)

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from goalpose.energy.figure import Figure
-from goalpose.energy.penetration import BodyPoints, SignedDistance
+from goalpose.energy.penetration import BodyPoints
+from goalpose.energy.pull import Pull, SignedDistance, distance_and_normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,3 +63,18 @@ def find_contacts(
     normal = torch.nn.functional.normalize(gradient, dim=-1)
     near = torch.nonzero((d - body.radius).abs() < reach)[:, 0]
     return near, (points - d[:, None] * normal)[near].detach()
+
+
+def contact_pull(
+    figure: Figure, contacts: Contacts, distance: SignedDistance, floor_height: float, *, scale: float = 0.05
+) -> tuple[Tensor, Pull]:
+    """E_s [B] and its pull; the stiffness is that of the reweighted least squares that Geman-McClure amounts to."""
+    points = figure.attached(contacts.joint, contacts.offset)
+    value, normal = distance_and_normal(distance, points)
+    up = torch.zeros_like(normal)
+    up[..., 1] = 1.0
+    miss = torch.where(contacts.on_floor, points[..., 1] - floor_height, value)
+    normal = torch.where(contacts.on_floor[:, None], up, normal)
+    firm = contacts.weight * 2 * scale**2 / (miss.square() + scale**2).square()
+    energy = 1.0 - contacts.weight.sum() + (contacts.weight * robust(miss, scale)).sum(-1)
+    return energy, Pull(contacts.joint, points, (firm * miss)[..., None] * normal, firm, normal)

@@ -8,6 +8,7 @@ from character.skeleton import Skeleton
 from torch import Tensor
 
 from goalpose.energy.figure import Figure
+from goalpose.energy.pull import Pull
 
 LIMBS = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
 
@@ -99,3 +100,21 @@ def descriptor_energy(values: Tensor, reference: Tensor, weight: Tensor) -> Tens
     """
     residual = (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5
     return (residual * weight).sum(-1)
+
+
+def descriptor_pull(
+    field: DescriptorField, latent: Any, figure: Figure, probes: Probes, chosen: Tensor, reference: Tensor, weight: Tensor
+) -> tuple[Tensor, Pull]:
+    """E_d [B] and its pull.
+
+    A point's residual is like a distance, E ~ k |x - x*|; reweighted least squares then has the stiffness |dE/dx|^2 / E.
+    """
+    joint = probes.joint[chosen]
+    points = figure.attached(joint, probes.offset[chosen]).detach()
+    leaf = points.reshape(1, -1, 3).requires_grad_(True)
+    values = field.descriptor(latent, leaf).reshape(*points.shape[:2], -1)
+    each = (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5 * weight
+    (force,) = torch.autograd.grad(each.sum(), leaf)
+    force = force.reshape(points.shape)
+    each = each.detach()
+    return each.sum(-1), Pull(joint, points, force, force.square().sum(-1) / each.clamp(min=1e-9))

@@ -1,6 +1,7 @@
 """E_g: pelvis and chest keep the reference's lean (beyond the paper).
 
-Furniture stands upright in the world, so a sitter's tilt against gravity is part of the reference; the descriptors, blind to
+Furniture stands upright in the world, so a sitter's tilt against gravity is part of the reference; the descriptors,
+blind to
 gravity by design, let near-symmetric objects (a cube stool) pull the body over.
 """
 

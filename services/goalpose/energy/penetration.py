@@ -1,21 +1,13 @@
 """E_c: the body's capsules stay out of the object (beyond the paper, which asks for it in section E)."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import torch
 from character.body import Capsules
 from torch import Tensor
 
 from goalpose.energy.figure import Figure
-
-
-class SignedDistance(Protocol):
-    """Signed distance to the object's surface, positive outside."""
-
-    def query(self, points: Tensor) -> Tensor:
-        """`points` [..., 3] [m] -> [...] [m], differentiable."""
-        ...
+from goalpose.energy.pull import Pull, SignedDistance, distance_and_normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,3 +42,15 @@ def penetration_depths(figure: Figure, body: BodyPoints, distance: SignedDistanc
 def penetration_energy(figure: Figure, body: BodyPoints, distance: SignedDistance, allowance: Tensor) -> Tensor:
     """E_c = mean_p max(r_p - d(x_p) - a_p, 0)^2. `allowance` a [P] [m]: flesh and cushions give. -> [B] [m^2]."""
     return (penetration_depths(figure, body, distance) - allowance).clamp(min=0.0).square().mean(-1)
+
+
+def penetration_pull(
+    figure: Figure, body: BodyPoints, distance: SignedDistance, allowance: Tensor
+) -> tuple[Tensor, Pull]:
+    """E_c [B] and its pull."""
+    points = figure.attached(body.joint, body.offset)
+    value, normal = distance_and_normal(distance, points)
+    depth = (body.radius - value - allowance).clamp(min=0.0)
+    share = 2.0 / len(body.joint)
+    pull = Pull(body.joint, points, -share * depth[..., None] * normal, share * (depth > 0), normal)
+    return depth.square().mean(-1), pull

@@ -40,3 +40,17 @@ def pair_depths(figure: Figure, body: BodyPoints, pairs: Tensor) -> Tensor:
 def self_collision_energy(figure: Figure, body: BodyPoints, pairs: Tensor, allowance: Tensor) -> Tensor:
     """E_x = sum over pairs of max(overlap - b, 0)^2; `allowance` b [M] [m]: hands press into thighs. -> [B] [m^2]."""
     return (pair_depths(figure, body, pairs) - allowance).clamp(min=0.0).square().sum(-1)
+
+
+def deepest_pairs(
+    figure: Figure, body: BodyPoints, pairs: Tensor, allowance: Tensor, count: int
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The `count` pairs of every candidate that overlap most.
+
+    Returns overlaps [B, count] [m] (negative: a gap), first and second sphere [B, count], and all spheres [B, P, 3].
+    """
+    points = figure.attached(body.joint, body.offset)
+    apart = torch.cdist(points, points, compute_mode="donot_use_mm_for_euclid_dist")
+    depth = (body.radius[pairs[0]] + body.radius[pairs[1]] - allowance) - apart[:, pairs[0], pairs[1]]
+    overlap, which = depth.topk(min(count, depth.shape[1]), dim=-1)
+    return overlap, pairs[0][which], pairs[1][which], points

@@ -8,6 +8,7 @@ from character.skeleton import Skeleton
 from torch import Tensor
 
 from goalpose.energy.angle_limit import AngleLimits, angle_limit_energy
+from goalpose.energy.clearance import clearance_energy
 from goalpose.energy.contact import Contacts, contact_energy
 from goalpose.energy.descriptor import DescriptorField, Probes, descriptor_energy, pose_descriptor
 from goalpose.energy.figure import Figure
@@ -32,6 +33,7 @@ class ReferenceModel:
     body: BodyPoints
     allowance: Tensor  # [body points] [m]
     contacts: Contacts
+    clearances: Tensor  # [body points] [m]
     collision_pairs: Tensor  # [2, M]
     collision_allowance: Tensor  # [M] [m]
     limits: AngleLimits
@@ -80,6 +82,9 @@ def total_energy(
         terms["contact"] = weights.contact * contact_energy(
             figure, model.contacts, target.distance, target.floor_height
         )
+    if weights.clearance:
+        energy = clearance_energy(figure, model.body, target.distance, model.clearances)
+        terms["clearance"] = weights.clearance * energy
     if weights.gravity:
         terms["gravity"] = weights.gravity * gravity_energy(figure, model.gravity)
     if weights.self_collision:

@@ -17,6 +17,7 @@ class EnergyWeights:
     prior: float = 0.0  # E_r, mean squared distance to the reference's canonical pose [1/m^2]
     penetration: float = 0.0  # E_c, mean squared depth of capsules in the object [1/m^2]
     contact: float = 0.0  # E_s, mean robust miss of the reference's contacts [1]
+    clearance: float = 0.0  # E_n, mean robust difference in distance to the object [1]
     gravity: float = 0.0  # E_g, squared tilt of pelvis and chest against the reference [1/rad^2]
     self_collision: float = 0.0  # E_x, mean squared depth of capsules in each other [1/m^2]
 
@@ -36,6 +37,7 @@ DEFAULT = EnergyWeights(
     prior=10.0,
     penetration=1500.0,
     contact=0.5,
+    clearance=0.7,
     gravity=1.0,
     self_collision=50.0,
 )

@@ -1,0 +1,46 @@
+"""What the solver tests share: a field without training, a reference pair, and its model."""
+
+from functools import cache
+from pathlib import Path
+
+import torch
+from goalpose.energy.total import ReferenceModel, Target
+from goalpose.reference_model import model_reference
+from goalpose.references import ReferencePair, load_reference
+from torch import Tensor
+
+REFERENCES = Path(__file__).parents[2] / "examples" / "references"
+
+
+class LandmarkField:
+    """Descriptors from distances to the object's extreme points: smooth, and invariant under turns about +Y."""
+
+    def encode(self, points: Tensor) -> Tensor:
+        """Means of the cloud's height layers and its middle. [1, N, 3] -> [1, 5, 3]."""
+        cloud = points[0]
+        order = cloud[:, 1].argsort()
+        layers = [layer.mean(0) for layer in cloud[order].chunk(4)]
+        return torch.stack([*layers, cloud.mean(0)])[None]
+
+    def descriptor(self, latent: Tensor, x: Tensor) -> Tensor:
+        """[1, Q, 3] -> [1, Q, 10]."""
+        distance = (x[:, :, None] - latent[:, None]).square().sum(-1).add(1e-4).sqrt()
+        return torch.nn.functional.normalize(torch.cat([distance.sin(), distance.cos()], -1), dim=-1)
+
+
+@cache
+def pair(name: str) -> ReferencePair:
+    """A shipped reference pair."""
+    return load_reference(REFERENCES / f"{name}.json")
+
+
+@cache
+def model(name: str, samples: int = 2) -> ReferenceModel:
+    """Its model under the landmark field."""
+    return model_reference(pair(name), LandmarkField(), samples=samples)
+
+
+def target_of(name: str) -> Target:
+    """The object of a reference pair as something to pose on."""
+    field, shape = LandmarkField(), pair(name).shape
+    return Target(field, field.encode(torch.as_tensor(shape.points[:1500])[None]), shape.distance, shape.floor_height)
