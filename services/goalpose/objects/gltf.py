@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from goalpose.objects.errors import ObjectError, malformed
+from goalpose.objects.gltf_quantized import quantized_positions, with_float_positions
 from goalpose.objects.limits import Limits, check_counts
 
 _JSON_CHUNK = 0x4E4F534A
@@ -26,12 +27,24 @@ _MAX_NODES = 20_000
 _MAX_JSON_DEPTH = 64
 
 
-def check_gltf(data: bytes, format: str, limits: Limits) -> None:
-    """Raise ObjectError for a glTF (`gltf` or `glb`) that is damaged, not self-contained, compressed or too big."""
+def check_gltf(data: bytes, format: str, limits: Limits) -> bytes:
+    """`data` if trimesh can read it as it is, else an equal file that it can.
+
+    Raises:
+        ObjectError: the glTF (`gltf` or `glb`) is damaged, not self-contained, compressed or too big.
+    """
     document = _parse(_json_chunk(data) if format == "glb" else data, format)
     try:
         _check_document(document, limits)
-    except (TypeError, AttributeError, KeyError, IndexError) as error:
+        quantized = quantized_positions(document)
+        if not quantized:
+            return data
+        if format == "gltf":
+            raise _unsupported("has quantized positions (KHR_mesh_quantization) in a .gltf; only GLB may have them")
+        return with_float_positions(data, document, quantized)
+    except (TypeError, AttributeError, KeyError, IndexError, ValueError, struct.error) as error:
+        if isinstance(error, ObjectError):
+            raise
         raise malformed(format, f"its JSON has the wrong structure ({type(error).__name__})") from error
 
 
@@ -49,7 +62,7 @@ def _json_chunk(data: bytes) -> bytes:
     return data[20 : 20 + size]
 
 
-def _parse(text: bytes, format: str) -> Mapping[str, Any]:
+def _parse(text: bytes, format: str) -> dict[str, Any]:
     if _depth(text) > _MAX_JSON_DEPTH:
         raise malformed(format, f"its JSON is nested more than {_MAX_JSON_DEPTH} levels deep")
     try:
@@ -76,12 +89,7 @@ _NOT_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 def _check_document(document: Mapping[str, Any], limits: Limits) -> None:
     for extension in document.get("extensionsRequired", ()):
         if extension in _COMPRESSION:
-            raise ObjectError(
-                "OBJECT_FORMAT_UNSUPPORTED",
-                field="content",
-                message=f"The mesh is compressed with {_COMPRESSION[extension]} ({extension}).",
-                remedy="Export it without mesh compression (in Blender: Geometry > Compression off).",
-            )
+            raise _unsupported(f"is compressed with {_COMPRESSION[extension]} ({extension})")
     # Images may point anywhere: they are never read.
     for buffer in document.get("buffers", ()):
         if "uri" in buffer and str(buffer["uri"])[:5].lower() != "data:":
@@ -117,6 +125,15 @@ def _mesh_size(document: Mapping[str, Any], mesh: Mapping[str, Any]) -> tuple[in
         vertices += count
         faces += corners // 3
     return vertices, faces
+
+
+def _unsupported(what: str) -> ObjectError:
+    return ObjectError(
+        "OBJECT_FORMAT_UNSUPPORTED",
+        field="content",
+        message=f"The mesh {what}.",
+        remedy="Export it as GLB without mesh compression (in Blender: Data > Compression off).",
+    )
 
 
 def _external(uri: str) -> ObjectError:

@@ -53,7 +53,7 @@ def read_mesh_file(data: bytes, format: str, limits: Limits) -> Geometry:
     """
     is_gltf = format in ("glb", "gltf")
     if is_gltf:
-        check_gltf(data, format, limits)
+        data = check_gltf(data, format, limits)
     if format == "stl":
         _check_stl(data)
     try:

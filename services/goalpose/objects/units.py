@@ -33,7 +33,7 @@ SMALLEST, LARGEST = 0.25, 5.0
 # Most pieces are about this long; the spread (in e-folds) covers a 0.5 m stool and a 2.4 m sofa within two.
 _TYPICAL, _SPREAD = 1.1, 0.5
 # How often files come in each unit when the format does not say. Feet cannot be told from metres: never guessed.
-_PRIORS: Mapping[str, float] = {"m": 0.70, "cm": 0.15, "mm": 0.10, "in": 0.05}
+_PRIORS: Mapping[str, float] = {"m": 0.70, "cm": 0.17, "mm": 0.11, "in": 0.02}
 _CLEAR = 5.0  # the best guess must be this many times as likely as the next to go without a warning
 
 

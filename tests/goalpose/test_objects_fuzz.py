@@ -1,0 +1,119 @@
+"""Broken files end in an ObjectError, never in another exception: mutations of valid files, format by format."""
+
+import io
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from box_furniture import box_chair
+from goalpose.objects import FORMATS, Limits, ObjectError
+from goalpose.objects.reading import read_geometry
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+LIMITS = Limits(bytes=2**20, vertices=50_000, faces=50_000)
+
+
+def _seeds():
+    chair = box_chair()
+    cloud = np.random.default_rng(0).uniform(0, 1, (120, 3)).astype("<f4")
+    npy = io.BytesIO()
+    np.save(npy, cloud)
+    header = (
+        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 120\nHEIGHT 1\nPOINTS 120\nDATA {}\n"
+    )
+    columns = np.ascontiguousarray(cloud.T).tobytes()
+    packed = b"".join(bytes([len(columns[i : i + 32]) - 1]) + columns[i : i + 32] for i in range(0, len(columns), 32))
+    compressed = struct.pack("<II", len(packed), len(columns)) + packed
+    gltf = trimesh.exchange.gltf.export_gltf(trimesh.Scene([chair]), embed_buffers=True)["model.gltf"]
+    return {
+        "obj": [chair.export(file_type="obj").encode()],
+        "off": [chair.export(file_type="off").encode()],
+        "stl": [chair.export(file_type="stl"), chair.export(file_type="stl_ascii").encode()],
+        "ply": [chair.export(file_type="ply"), chair.export(file_type="ply", encoding="ascii")],
+        "glb": [chair.export(file_type="glb")],
+        "gltf": [gltf],
+        "npy": [npy.getvalue()],
+        "xyz": ["\n".join(f"{x} {y} {z}" for x, y, z in cloud).encode()],
+        "pcd": [
+            header.format("binary").encode() + cloud.tobytes(),
+            header.format("binary_compressed").encode() + compressed,
+        ],
+    }
+
+
+SEEDS = _seeds()
+# Pieces that readers stumble over.
+_TOKENS = [
+    b"nan",
+    b"inf",
+    b"1e30",
+    b"-1",
+    b"0",
+    b"99999999999",
+    b"1/2/3",
+    b"//",
+    b"\n\n",
+    b"\x00" * 8,
+    b"\xff" * 8,
+    b"{",
+    b"]",
+    b'"',
+]
+
+
+@st.composite
+def _mutations(draw, format):
+    data = bytearray(draw(st.sampled_from(SEEDS[format])))
+    # Headers are where the promises are: half of the changes go into the first 300 bytes.
+    for _ in range(draw(st.integers(1, 6))):
+        at = draw(st.integers(0, min(len(data) - 1, 300)) | st.integers(0, len(data) - 1))
+        kind = draw(st.sampled_from(["byte", "cut", "token", "repeat", "number"]))
+        if kind == "byte":
+            data[at] = draw(st.integers(0, 255))
+        elif kind == "cut":
+            del data[at : at + draw(st.integers(1, 200))]
+        elif kind == "token":
+            data[at:at] = draw(st.sampled_from(_TOKENS))
+        elif kind == "repeat":
+            data[at:at] = data[at : at + draw(st.integers(1, 400))]
+        else:
+            data[at : at + 4] = struct.pack("<I", draw(st.sampled_from([0, 1, 2**16, 10**9, 2**31 - 1, 2**32 - 1])))
+        if not data:
+            break
+    return bytes(data)
+
+
+def _read_or_refuse(data, format):
+    try:
+        geometry = read_geometry(data, format, LIMITS)
+    except ObjectError:
+        return
+    assert np.isfinite(geometry.vertices).all()
+    if geometry.faces is not None:
+        assert geometry.faces.min() >= 0
+        assert geometry.faces.max() < len(geometry.vertices)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.filterwarnings("ignore")
+def test_mutated_files(format):
+    @settings(max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+    @given(_mutations(format))
+    def read(data):
+        _read_or_refuse(data, format)
+
+    read()
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.filterwarnings("ignore")
+def test_random_bytes_are_refused(format):
+    @settings(max_examples=30, deadline=None, derandomize=True, database=None)
+    @given(st.binary(max_size=400))
+    def read(data):
+        with pytest.raises(ObjectError):
+            read_geometry(data, format, LIMITS)
+
+    read()
