@@ -1,38 +1,38 @@
-"""A goal pose over plain HTTP: no client library, any language could do the same.
+"""A goal pose over plain HTTP with nothing but Python itself: any language could do the same.
 
-roam serve                                                    # in another shell
-python examples/rest_pose.py http://127.0.0.1:8080 examples/objects/chair.glb
+    roam serve                                                    # in another shell
+    python examples/rest_pose.py http://127.0.0.1:8080 examples/objects/chair.glb
 """
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
-
-import httpx
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 
 def goal_pose(server: str, path: Path) -> dict[str, Any]:
-    """Uploads a furniture file and asks for a pose on it. Raises httpx.HTTPStatusError when the server refuses."""
-    with httpx.Client(base_url=server, timeout=300) as http:
-        query = {"format": path.suffix.removeprefix(".")}
-        uploaded = http.post("/v1/objects", params=query, content=path.read_bytes())
-        explain(uploaded)
-        answer = http.post("/v1/goal-poses", json={"object": uploaded.json()["name"], "action": "sit", "seed": 1})
-        explain(answer)
-        return dict(answer.json())
+    """Uploads a furniture file and asks for a pose on it. Raises HTTPError when the server refuses."""
+    uploaded = post(f"{server}/v1/objects?format={path.suffix[1:]}", path.read_bytes(), "application/octet-stream")
+    wanted = {"object": uploaded["name"], "action": "sit", "seed": 1}
+    return post(f"{server}/v1/goal-poses", json.dumps(wanted).encode(), "application/json")
 
 
-def explain(response: httpx.Response) -> None:
-    """Errors are problem documents (RFC 9457): say what is in them."""
-    if response.is_error:
-        problem = response.json()
-        print(f"{problem['detail']} {problem.get('remedy', '')}")
-    response.raise_for_status()
+def post(address: str, body: bytes, media_type: str) -> dict[str, Any]:
+    """One request; a refusal is a problem document (RFC 9457) that says what to do."""
+    try:
+        with urlopen(Request(address, body, {"Content-Type": media_type}), timeout=300) as response:
+            return dict(json.load(response))
+    except HTTPError as error:
+        problem = json.load(error)
+        print(problem["detail"], problem.get("remedy", ""), file=sys.stderr)
+        raise
 
 
 def main() -> None:
-    """Prints the pose's quality and where its joints are."""
+    """Prints the pose's quality and where its hips are."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("server", help="HTTP address of the goal-pose service")
     parser.add_argument("object", type=Path, help="furniture file")
