@@ -1,7 +1,7 @@
 """A goal pose over plain HTTP with nothing but Python itself: any language could do the same.
 
-    roam serve                                                    # in another shell
-    python examples/rest_pose.py http://127.0.0.1:8080 examples/objects/chair.glb
+roam serve                                                    # in another shell
+python examples/rest_pose.py http://127.0.0.1:8080 examples/objects/chair.glb
 """
 
 import argparse
