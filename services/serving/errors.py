@@ -55,6 +55,13 @@ INVALID_ARGUMENT = ErrorKind(
     "A field of the request is not valid",
     "Correct the named field; /docs and proto/README.md say what it takes.",
 )
+ORIGIN_NOT_ALLOWED = ErrorKind(
+    "ORIGIN_NOT_ALLOWED",
+    StatusCode.PERMISSION_DENIED,
+    403,
+    "A web page of another site asked",
+    "Serve the page from this machine, or name its origin in ROAM_CORS_ORIGIN_REGEX on the server.",
+)
 ROUTE_NOT_FOUND = ErrorKind(
     "ROUTE_NOT_FOUND",
     StatusCode.UNIMPLEMENTED,
@@ -121,6 +128,7 @@ INTERNAL = ErrorKind(
 
 COMMON: tuple[ErrorKind, ...] = (
     INVALID_ARGUMENT,
+    ORIGIN_NOT_ALLOWED,
     ROUTE_NOT_FOUND,
     METHOD_NOT_ALLOWED,
     UNSUPPORTED_MEDIA_TYPE,

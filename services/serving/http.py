@@ -1,5 +1,6 @@
 """The HTTP side of a server: FastAPI with problem documents, request ids, metrics, health and offline /docs."""
 
+import re
 from collections.abc import Iterable, Mapping
 from time import monotonic
 from typing import Any
@@ -12,7 +13,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from serving.errors import INTERNAL, ServiceError
+from serving.errors import INTERNAL, ORIGIN_NOT_ALLOWED, ServiceError
 from serving.logs import choose_request_id, get_log, request_scope
 from serving.metrics import Metrics
 from serving.problems import PROBLEM_RESPONSES, add_problem_handlers, problem_response
@@ -43,16 +44,17 @@ def limited_receive(scope: Scope, receive: Receive, limit: int) -> Receive:
 
 
 class RequestScope:
-    """ASGI middleware: request id in and out, one log line and one metric per request, size limit, last resort 500."""
+    """ASGI middleware: request id, origin, size limit, last resort 500; one log line and one metric per request."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics, settings: ServerSettings) -> None:
         self.app = app
         self.metrics = metrics
         self.limit = settings.max_upload_bytes
+        self.origins = re.compile(settings.cors_origin_regex)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
+        if scope["type"] == "websocket":
+            await self._websocket(scope, receive, send)
             return
         request_id = choose_request_id(Headers(scope=scope).get("x-request-id"))
         status = 0
@@ -67,13 +69,32 @@ class RequestScope:
         start = monotonic()
         with request_scope(request_id), self.metrics.in_flight.labels("http").track_inprogress():
             try:
+                self._check_origin(scope)
                 await self.app(scope, limited_receive(scope, receive, self.limit), tagged)
+            except ServiceError as error:
+                await problem_response(error)(scope, receive, tagged)
             except Exception as error:
                 log.exception("request failed", path=scope["path"])
                 if not status:
                     await problem_response(ServiceError(INTERNAL, type(error).__name__))(scope, receive, tagged)
             finally:
                 self._count(scope, status or 499, monotonic() - start)
+
+    async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            self._check_origin(scope)
+        except ServiceError as error:
+            await send({"type": "websocket.close", "code": 4403, "reason": error.kind.reason})
+            return
+        await self.app(scope, receive, send)
+
+    def _check_origin(self, scope: Scope) -> None:
+        """Refuses foreign web pages: CORS alone would hide the answer from them, but still do what they asked."""
+        headers = Headers(scope=scope)
+        origin = headers.get("origin")
+        if origin is None or self.origins.fullmatch(origin) or origin.partition("://")[2] == headers.get("host"):
+            return
+        raise ServiceError(ORIGIN_NOT_ALLOWED, f"origin {origin[:200]!r}")
 
     def _count(self, scope: Scope, status: int, seconds: float) -> None:
         route = scope.get("route")

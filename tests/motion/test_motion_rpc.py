@@ -269,6 +269,15 @@ async def test_websocket_closes_with_the_tables_reason(stub, motion_addresses, f
     assert (caught.value.rcvd.code, caught.value.rcvd.reason) == (code, expected)
 
 
+async def test_a_foreign_web_page_gets_no_websocket(stub, motion_addresses):
+    address = websocket_address(motion_addresses, await create(stub))
+    with pytest.raises(websockets.InvalidStatus) as caught:
+        await websockets.connect(address, origin="https://example.org")
+    assert caught.value.response.status_code == 403
+    async with websockets.connect(address, origin="http://localhost:3000"):
+        pass
+
+
 async def test_websocket_takes_controls(stub, motion_addresses):
     session = await create(stub)
     async with websockets.connect(websocket_address(motion_addresses, session)) as socket:

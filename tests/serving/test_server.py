@@ -107,8 +107,11 @@ async def test_server_info_is_the_same_on_both_transports():
 async def test_web_pages_of_this_machine_may_call_and_others_not():
     async with running([Echo()], ServerSettings()) as addresses, httpx.AsyncClient(base_url=addresses.http) as client:
         near = await client.get("/livez", headers={"Origin": "http://127.0.0.1:5173"})
+        own = await client.get("/livez", headers={"Origin": "http://studio:8080", "Host": "studio:8080"})
         far = await client.get("/livez", headers={"Origin": "https://example.org"})
     assert near.headers["access-control-allow-origin"] == "http://127.0.0.1:5173"
+    assert own.status_code == 200
+    assert (far.status_code, far.json()["reason"]) == (403, "ORIGIN_NOT_ALLOWED")
     assert "access-control-allow-origin" not in far.headers
 
 
