@@ -1,6 +1,7 @@
 """`roam demo [OBJECT]`: both services and a page on which a person sees them work."""
 
-import time
+import signal
+import threading
 import webbrowser
 from pathlib import Path
 from typing import Annotated
@@ -36,5 +37,12 @@ def demo(
             stderr.print("Ctrl-C ends it.", style="dim")
             if open_browser:
                 webbrowser.open(addresses.http)
-            while True:
-                time.sleep(3600)
+            wait_for_end()
+
+
+def wait_for_end() -> None:
+    """Until Ctrl-C or SIGTERM; both end the services properly."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    stop.wait()

@@ -72,6 +72,9 @@ def reported(*, as_json: bool) -> Iterator[None]:
     except RoamError as error:
         _tell(error, as_json=as_json)
         raise typer.Exit(exit_code(error)) from error
+    except OSError as error:
+        _tell(RoamError(str(error)), as_json=as_json)
+        raise typer.Exit(Exit.FAILED) from error
     except KeyboardInterrupt as error:
         stderr.print("interrupted")
         raise typer.Exit(Exit.INTERRUPTED) from error

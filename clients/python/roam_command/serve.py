@@ -1,5 +1,6 @@
 """`roam serve`: both services in one process, until Ctrl-C."""
 
+import sys
 from enum import StrEnum
 from typing import Annotated
 
@@ -26,12 +27,14 @@ def serve(
     ] = 50051,
     only: Annotated[Only | None, typer.Option("--only", help="Run one of the services only.")] = None,
 ) -> None:
-    """Run both services; prints their addresses when they are ready, logs to stderr.
+    """Run both services; prints `ready http=… grpc=…` when they are, logs to stderr.
 
     Everything else is set by ROAM_… environment variables; `python -m goalpose.app --help` lists them.
     """
     with reported(as_json=False):
-        services, settings = make_services(host=host, http_port=http_port, grpc_port=grpc_port)
+        # A person reads the log at a terminal, a collector reads it anywhere else.
+        format = {"log_format": "console"} if sys.stderr.isatty() else {}
+        services, settings = make_services(host=host, http_port=http_port, grpc_port=grpc_port, **format)
     from serving.server import serve as run
 
     run([service for service in services if only is None or service.name == only], settings)

@@ -61,10 +61,9 @@ async function useObject(bytes, options) {
   goal = object = undefined;
   upload = { bytes, ...options };
   setPhase("reading the object");
-  const [received, triangles] = await Promise.all([
-    services.uploadObject(bytes, options),
-    services.readTriangles(bytes, options.format),
-  ]);
+  // First the service, which reads files in a process of its own; only what it took is read for display.
+  const received = await services.uploadObject(bytes, options);
+  const triangles = await services.readTriangles(bytes, options.format);
   object = received;
   if (furniture) {
     stage.scene.remove(furniture);
