@@ -163,6 +163,8 @@ class Server:
             access_log=False,
             lifespan="off",
             ws="websockets-sansio",
+            ws_max_size=MIB,  # controls are small; uploads do not come this way
+            ws_per_message_deflate=False,  # packed floats do not shrink
             timeout_graceful_shutdown=max(1, round(self.settings.drain_seconds)),
         )
 

@@ -1,0 +1,103 @@
+"""Whatever a reader and its session do, in whatever order: no frame twice, none out of order, every gap counted."""
+
+from dataclasses import dataclass, field
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motion.sessions import FrameRecord, Session
+from motion.step import Idle
+from motion.stream import FrameStream, StreamOptions, StreamStart
+from roam.v1 import motion_pb2
+from walker import Walker
+
+WALKER = Walker()
+RING = 6
+STATE, FRAME = WALKER._one(WALKER.start((0, 0), 0, 0), Idle())
+# How often each kind of thing happens: a frame is computed, the reader looks, acknowledges, breaks off and comes back.
+DOINGS = st.lists(st.sampled_from(["step", "step", "step", "read", "acknowledge", "reconnect"]), max_size=60)
+
+
+@dataclass
+class Reader:
+    """A client as the protocol describes it, over one session."""
+
+    session: Session
+    pacing: int
+    taken: list[int] = field(default_factory=list)
+    position: int = 0  # the last sequence that was received, or told to be skipped or lost
+
+    def __post_init__(self):
+        self.connect()
+
+    def connect(self):
+        after = self.taken[-1] if self.taken else 0
+        options = StreamOptions(
+            pacing=self.pacing, after_sequence=after, credit=2, ack_window=4, resume_token=self.session.resume_token
+        )
+        self.stream = FrameStream(self.session, options, demand=lambda: None)
+        self.session.streams = {self.stream}
+
+    def read(self):
+        """Everything there is to read now."""
+        while (item := self.stream._next()) is not None:
+            if isinstance(item, FrameRecord):
+                assert item.sequence == self.position + 1
+                self.taken.append(item.sequence)
+                self.position = item.sequence
+            elif isinstance(item, StreamStart):
+                last = self.taken[-1] if self.taken else 0
+                assert item.discontinuity == (bool(last) and item.first_sequence > last + 1)
+                self.position = item.first_sequence - 1
+            elif item.type == motion_pb2.EVENT_TYPE_FRAMES_SKIPPED:
+                assert self.pacing == motion_pb2.PACING_REALTIME
+                self.position += item.skipped_count
+
+    def acknowledge(self):
+        self.stream.acknowledge(self.taken[-1] if self.taken else 0, 1)
+
+
+def play(pacing, doings):
+    session = Session(
+        skeleton=WALKER.skeleton,
+        state=STATE,
+        floor_height=0.0,
+        idle_timeout=60,
+        ring_frames=RING,
+        goal_tolerance=0.05,
+        clock=lambda: 0.0,
+    )
+    reader = Reader(session, pacing)
+    for doing in doings:
+        if doing == "step":
+            if session.wants_step(tick=True):
+                session.advance(STATE, FRAME)
+        elif doing == "reconnect":
+            reader.connect()
+        else:
+            getattr(reader, doing)()
+    reader.acknowledge()
+    reader.read()
+    return session, reader
+
+
+@settings(max_examples=150, deadline=None)
+@given(DOINGS)
+def test_realtime_frames_rise_and_every_gap_is_counted(doings):
+    session, reader = play(motion_pb2.PACING_REALTIME, doings)
+    assert reader.taken == sorted(set(reader.taken))
+    assert reader.position <= session.sequence
+
+
+@settings(max_examples=150, deadline=None)
+@given(DOINGS)
+def test_credit_gives_every_frame_exactly_once(doings):
+    session, reader = play(motion_pb2.PACING_CREDIT, doings)
+    assert reader.taken == list(range(1, len(reader.taken) + 1))
+    assert session.sequence - len(reader.taken) < RING
+
+
+@settings(max_examples=150, deadline=None)
+@given(DOINGS)
+def test_burst_gives_every_frame_exactly_once(doings):
+    session, reader = play(motion_pb2.PACING_BURST, doings)
+    assert reader.taken == list(range(1, session.sequence + 1))
