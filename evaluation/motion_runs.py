@@ -135,7 +135,8 @@ def slide_per_contact(figure: Figure, take: Take) -> tuple[float, float]:
 
 
 def deepest(figure: Figure, take: Take, until: int, *, every: int = 3) -> float:
-    """Deepest point of the body's capsule axes in the object, plus radius [m], up to frame `until`; hips and thighs aside,
+    """Deepest point of the body's capsule axes in the object, plus radius [m], up to frame `until`; hips and thighs
+    aside,
     which rest on the seat. Joint orientations are not needed: a capsule's axis runs along the bone to its child joint.
     """
     import torch
@@ -148,7 +149,7 @@ def deepest(figure: Figure, take: Take, until: int, *, every: int = 3) -> float:
     for joint, parent in enumerate(parents):
         if parent < 0 or figure.skeleton.joint_names[parent] in skipped:
             continue
-        radii = [float(r) for j, r in zip(capsules.joint, capsules.radius, strict=True) if int(j) == parent]
+        radii = [float(r) for j, r in zip(capsules.joints, capsules.radii, strict=True) if int(j) == parent]
         if not radii:
             continue
         share = np.linspace(0, 1, 4)[:, None, None]

@@ -20,10 +20,13 @@ Predict = Callable[[Inputs], Tensor]
 _MOST_PHASE = 0.08  # [turns] per frame: 2.4 gait cycles a second
 
 
-def advance(figure: Figure, predict: Predict, characters: Characters, goals: Goals) -> tuple[Characters, Tensor, Tensor]:
+def advance(
+    figure: Figure, predict: Predict, characters: Characters, goals: Goals
+) -> tuple[Characters, Tensor, Tensor]:
     """The next frame of every character.
 
-    Returns the new characters, their joint positions [B, J, 3] [m], and the mean joint distance to the goal pose [B] [m]
+    Returns the new characters, their joint positions [B, J, 3] [m], and the mean joint distance to the goal pose [B]
+    [m]
     (meaningful where the goal is active).
     """
     positions = figure.positions(characters.hips, characters.orientations)
@@ -33,7 +36,7 @@ def advance(figure: Figure, predict: Predict, characters: Characters, goals: Goa
     distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
     styles = answer.trajectory[:, 0, 4:8].clamp(0.0, 1.0)
     action = goals.active * (styles[:, 2] + styles[:, 3]).clamp_max(1.0)
-    blend, settled = blend_weights(distance, action, characters.blend, characters.settled)
+    blend, settled = blend_weights(distance, action, characters.blend, characters.settled, goals.urgency)
     facing = goal_frame(figure, goals)
     # Without an active goal there is nothing to blend with, whatever weight is left from before.
     seated, floor = blend * goals.active, (styles[:, 3] < 0.5).float()

@@ -32,9 +32,14 @@ def limited(value: Tensor, target: Tensor, rise: float, fall: float) -> Tensor:
     return value + (target - value).clamp(-fall, rise)
 
 
-def blend_weights(distance: Tensor, action: Tensor, blend: Tensor, settled: Tensor) -> tuple[Tensor, Tensor]:
-    """Next bidirectional weight and next settledness, both rate limited. All [B]."""
-    blend = limited(blend, action * distance_weight(distance), _RISE, _FALL)
+def blend_weights(
+    distance: Tensor, action: Tensor, blend: Tensor, settled: Tensor, urgency: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Next bidirectional weight and next settledness, both rate limited. All [B].
+
+    `urgency` is for the few that are not there when a sit-down should long be over: it raises the weight by itself.
+    """
+    blend = limited(blend, torch.maximum(action * distance_weight(distance), urgency), _RISE, _FALL)
     near = (action > 0.5) & (distance < _SETTLE_WITHIN)
     return blend, limited(settled, near.float(), _SETTLE_RISE, _SETTLE_FALL)
 
@@ -47,7 +52,7 @@ def blend_pose(
     `facing` is the goal's frame; `weight` and `settled` [B]. Settled, the inverse answer keeps a tenth of its distance
     to the goal, so that the held pose ends in the goal whatever the network's own error there.
     """
-    own = 1 - (1 - _LIVING) * settled[:, None, None]
+    own = (1 - (1 - _LIVING) * settled)[:, None, None] * (1 - goals.urgency)[:, None, None]
     inverse = goals.pose_positions + facing.turn_out(answer.inverse_positions * own)
     rest = answer.inverse_axes.new_tensor([0.0, 0.0, 1.0, 0.0, 1.0, 0.0])
     turned = six(goal_orientations(goals, rest + (answer.inverse_axes - rest) * own))

@@ -2,18 +2,17 @@
 
 The published code leaves this inoperative (METHOD-NOTES, decision 6). A contact is held on the floor from its first
 frame; on release the foot goes over to the network's place within a few frames, never faster than feet move. A planted
-foot is held at its ankle, and turned so that its toes stay too; once the heel lifts it is held at its toes. Near the goal
+foot is held at its ankle, and turned so that its toes stay too; once the heel lifts it is held at its toes. Near the
+goal
 pose, a foot held away from its place there makes one small lifted step, never a slide. Feet are kept above the floor.
 """
 
 from dataclasses import dataclass
 
 import torch
-from character.kinematics import two_bone_ik
-from character.rotation import quat_between, quat_to_matrix
 from torch import Tensor
 
-from motion.figure import Figure
+from motion.figure import Figure, turn_between
 from motion.state import Characters
 
 _ON, _OFF = 0.55, 0.35  # contact probability that starts and ends a lock
@@ -25,6 +24,8 @@ _LIFT = 0.03  # [m] height of that step
 _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
 _REACH = 0.998  # share of the leg's length that counts as straight
 _FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) and when seated
+_YIELD = 0.02  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
+_FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
 
 
@@ -56,29 +57,36 @@ def plant(
     (0 when lying).
     """
     track = wanted[:, figure.contacts]
-    within = _within_reach(figure, wanted, characters.locks)
-    locks, weights = _locks(characters, track, contacts * floor[:, None], seated, within)
+    within = _within_reach(figure, wanted, orientations, characters.locks)
+    last = before[:, figure.contacts]
+    locks, weights = _locks(characters, last, track, contacts * floor[:, None], seated, within)
     eased = weights * weights * (3 - 2 * weights)
     arms = _arms(figure, orientations, track, locks, eased)
     ankle = _ankles(track, locks, weights, eased, arms, seated)
-    ankle = _not_too_fast(before[:, figure.contacts[[0, 2]]], ankle, seated)
+    ankle = _not_too_fast(last[:, [0, 2]], ankle, seated)
+    toes = last[:, [1, 3]]
+    arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
+    arms = _unit(arms) * figure.offsets[figure.legs[:, 3]].norm(dim=-1)[:, None]
     hips, reached = _reach(figure, wanted[:, 0], orientations, ankle)
     return Planted(hips, _feet_turned(figure, reached, arms), locks, weights)
 
 
-def _within_reach(figure: Figure, wanted: Tensor, locks: Tensor) -> Tensor:
+def _within_reach(figure: Figure, wanted: Tensor, orientations: Tensor, locks: Tensor) -> Tensor:
     """Whether each lock [B, 4] can be held by its leg from where the hips are going: else body and foot hold each other up."""
     thigh, shin, foot, toes = figure.legs.T
-    length = figure.offsets[shin].norm(dim=-1) + figure.offsets[foot].norm(dim=-1)
-    longest = torch.stack([length, length + figure.offsets[toes].norm(dim=-1)], -1) + _OVERREACH  # [2, 2]
-    apart = (locks.reshape(-1, 2, 2, 3) - wanted[:, thigh, None]).norm(dim=-1)
-    return (apart < longest).flatten(1)
+    length = figure.offsets[shin].norm(dim=-1) + figure.offsets[foot].norm(dim=-1) + _OVERREACH
+    arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
+    ankles = locks.reshape(-1, 2, 2, 3) - torch.stack([torch.zeros_like(arm), arm], 2)  # of both locks of both legs
+    return ((ankles - wanted[:, thigh, None]).norm(dim=-1) < length[:, None]).flatten(1)
 
 
 def _locks(
-    characters: Characters, track: Tensor, contacts: Tensor, seated: Tensor, within: Tensor
+    characters: Characters, last: Tensor, track: Tensor, contacts: Tensor, seated: Tensor, within: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Next lock positions [B, 4, 3] and weights [B, 4]: 1 held, between letting go, 0 free."""
+    """Next lock positions [B, 4, 3] and weights [B, 4]: 1 held, between letting go, 0 free.
+
+    A lock begins where the joint was shown `last` [B, 4, 3]: from then on it does not move at all.
+    """
     weights = characters.lock_weights
     held = weights >= 1
     apart = (characters.locks - track)[..., [0, 2]].norm(dim=-1)
@@ -91,11 +99,12 @@ def _locks(
     start = (weights <= 0) & (contacts > _ON) & (track[..., 1] < torch.tensor([*_LOW, *_LOW]))
     rate = torch.where(seated[:, None] > 0.5, _STEP, _RELEASE)
     weights = torch.where(stay | start, torch.ones_like(weights), (weights - rate).clamp_min(0.0))
-    return torch.where(start[..., None], track, characters.locks), weights
+    return torch.where(start[..., None], last, characters.locks), weights
 
 
 def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, eased: Tensor) -> Tensor:
-    """Ankle-to-toes vectors [B, 2, 3]: turned to the held toes where both are held, raised until the toes are above ground."""
+    """Ankle-to-toes vectors [B, 2, 3]: turned to the held toes where both are held, raised until the toes are above
+    ground."""
     foot, toes = figure.legs[:, 2], figure.legs[:, 3]
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
     both = (eased[:, [0, 2]] * eased[:, [1, 3]])[..., None]
@@ -128,10 +137,13 @@ def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: 
 
 def _not_too_fast(before: Tensor, ankle: Tensor, seated: Tensor) -> Tensor:
     """Ankle targets no farther from the last shown ones than feet move in a frame."""
-    step = ankle - before
-    length = step.norm(dim=-1, keepdim=True)
-    most = torch.where(seated > 0.5, _FASTEST[1], _FASTEST[0])[:, None, None]
-    return before + step * (most / length.clamp_min(1e-6)).clamp_max(1.0)
+    return _not_too_far(before, ankle, torch.where(seated > 0.5, _FASTEST[1], _FASTEST[0])[:, None, None])
+
+
+def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
+    """Points `after`, or as far from `before` in their direction as `most` [m] allows."""
+    step = after - before
+    return before + step * (most / step.norm(dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
 
 
 def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) -> tuple[Tensor, Tensor]:
@@ -141,23 +153,40 @@ def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) ->
     length = figure.offsets[shin].norm(dim=-1) + figure.offsets[foot].norm(dim=-1)
     stretch = ankle - joints[:, thigh]
     reach = stretch.norm(dim=-1, keepdim=True).clamp_min(1e-6)
-    excess = (reach - _REACH * length[:, None]).clamp(0.0, 0.05) * stretch / reach
+    excess = (reach - _REACH * length[:, None]).clamp(0.0, _YIELD) * stretch / reach
     larger = excess[:, 0].norm(dim=-1, keepdim=True) > excess[:, 1].norm(dim=-1, keepdim=True)
     shift = torch.where(larger, excess[:, 0], excess[:, 1])
     hips, joints = hips + shift, joints + shift[:, None]
-    bend = orientations[:, thigh][..., 2]
-    upper, lower = two_bone_ik(joints[:, thigh], joints[:, shin], joints[:, foot], ankle, bend=bend)
+    start, knee, end = joints[:, thigh], joints[:, shin], joints[:, foot]
+    lengths = figure.offsets[shin].norm(dim=-1)[:, None], figure.offsets[foot].norm(dim=-1)[:, None]
+    bent = _knees(start, knee, ankle, orientations[:, thigh][..., 2], lengths)
     orientations = orientations.clone()
-    orientations[:, thigh] = quat_to_matrix(upper) @ orientations[:, thigh]
-    orientations[:, shin] = quat_to_matrix(lower) @ orientations[:, shin]
+    orientations[:, thigh] = turn_between(knee - start, bent - start) @ orientations[:, thigh]
+    orientations[:, shin] = turn_between(end - knee, ankle - bent) @ orientations[:, shin]
     return hips, orientations
+
+
+def _knees(start: Tensor, knee: Tensor, ankle: Tensor, forward: Tensor, lengths: tuple[Tensor, Tensor]) -> Tensor:
+    """Knee positions [B, 2, 3] for hip joints at `start` and ankles at `ankle`, bent to the side that they are bent to now.
+
+    Exact also for straight legs, where the plane of the bones says nothing: there knees bend `forward`.
+    """
+    upper, lower = lengths
+    way = ankle - start
+    reach = way.norm(dim=-1, keepdim=True)
+    way = way / reach.clamp_min(1e-6)
+    reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 1e-4), (upper + lower) * 0.9999)
+    cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
+    side = knee - start + 0.02 * forward
+    side = _unit(side - (side * way).sum(-1, keepdim=True) * way)
+    return start + upper * (cosine * way + (1 - cosine.square()).clamp_min(0.0).sqrt() * side)
 
 
 def _feet_turned(figure: Figure, orientations: Tensor, arms: Tensor) -> Tensor:
     """Turns feet (and toes with them) so that the toes are at `arms` [B, 2, 3] from the ankles."""
     foot, toes = figure.legs[:, 2], figure.legs[:, 3]
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
-    turn = quat_to_matrix(quat_between(arm, arms))
+    turn = turn_between(arm, arms)
     orientations[:, foot] = turn @ orientations[:, foot]
     orientations[:, toes] = turn @ orientations[:, toes]
     return orientations

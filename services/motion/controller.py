@@ -1,7 +1,8 @@
 """From intents to the network's goals: walk up, turn, sit or lie, hold, stand up, go on.
 
 Three modes. FREE follows a planned path. INTERACT gives the goal pose to the network and lets bidirectional blending
-bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. The paper sets the walking
+bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. The paper sets the
+walking
 goal 0.3 m in front of the goal feet; in the captured sits people stand *over* their later feet when they begin (median
 0.00 m), so the standing place is 5 cm in front of them.
 """
@@ -26,6 +27,8 @@ _ARRIVED = 0.14, math.radians(28)  # distance and heading from which the interac
 _CLOSE = 0.35, math.radians(60)  # good enough when no progress is made
 _PATIENCE = 45  # frames
 _UPRIGHT = 0.86  # [m] hips higher than this: standing
+_LATE = 75, 240  # frames after which sitting down, lying down should be over; then the goal pose draws ever more
+_URGENT = 60  # frames until it alone decides
 _RISE_LIMIT = 12 * FRAME_RATE  # frames after which rising is given up for standing
 
 
@@ -74,6 +77,7 @@ class Command:
     action: int
     active: bool
     seat: Seat | None = field(default=None)
+    urgency: float = 0.0
 
 
 def seat_of(figure: Figure, goal: Goal, body: Body) -> Seat:
@@ -104,7 +108,8 @@ def goal_arrays(figure: Figure, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _open_side(goal: Goal, body: Body, root: tuple[float, float], facing: tuple[float, float]) -> tuple[float, float]:
-    """Unit direction from the lying hips to where one can stand: square to the body, on the asked or the nearer side."""
+    """Unit direction from the lying hips to where one can stand: square to the body, on the asked or the nearer
+    side."""
     left = (facing[1], -facing[0])
     towards = (body.x - root[0], body.z - root[1]) if goal.approach is None else goal.approach
     sign = 1.0 if left[0] * towards[0] + left[1] * towards[1] >= 0 else -1.0
@@ -121,7 +126,9 @@ def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple
     if state.mode == FREE:
         state = _approach(figure, state, intent, body)
     if state.mode == INTERACT and state.seat is not None:
-        return state, _hold(state.seat.root, ACTIONS.index("lie" if state.seat.lying else "sit"), state.seat)
+        command = _hold(state.seat.root, ACTIONS.index("lie" if state.seat.lying else "sit"), state.seat)
+        late = state.since - _LATE[int(state.seat.lying)]
+        return state, replace(command, urgency=min(max(late / _URGENT, 0.0), 1.0))
     if state.mode == RISE and state.seat is not None:
         return state, _hold(state.seat.stand, ACTIONS.index("idle"), None)
     aim = _aim(state, intent, body)
@@ -195,4 +202,5 @@ def goals_of(figure: Figure, commands: list[Command]) -> Goals:
         active=torch.tensor([float(c.active) for c in commands]),
         pose_positions=torch.from_numpy(np.stack([s.positions if s else rest[0] for s in seats])),
         pose_orientations=torch.from_numpy(np.stack([s.orientations if s else rest[1] for s in seats])),
+        urgency=torch.tensor([c.urgency for c in commands], dtype=torch.float32),
     )

@@ -3,7 +3,8 @@
 Everything is in the current root frame (hips on the floor, torso's facing) unless said. Deviations from the paper, each
 for accuracy after an hour's training instead of a week's:
 
-- the forward pose is answered as *change* from the current pose: an error of a tenth of a deviation is then a millimetre;
+- the forward pose is answered as *change* from the current pose: an error of a tenth of a deviation is then a
+  millimetre;
 - joint velocities are finite differences of what was really shown, not a further answer;
 - the inverse pose turns each joint relative to the goal pose's own joint orientation, so zero means "at the goal";
 - goals are 13 root goals (place, direction) with one action, as the controller sets the action hard for all keys.
@@ -29,6 +30,7 @@ class Goals:
     active: Tensor  # [B] 1 while the goal pose counts (sit, lie): the paper's delta
     pose_positions: Tensor  # [B, J, 3] goal pose
     pose_orientations: Tensor  # [B, J, 3, 3]
+    urgency: Tensor  # [B] 0..1: how much a late arrival is drawn to the goal pose (see blending); 0 in training
 
     def rows(self, index: Tensor) -> "Goals":
         """Some of the characters."""
@@ -112,7 +114,9 @@ def encode(figure: Figure, characters: Characters, goals: Goals, positions: Tens
         ],
         -1,
     )
-    frame = torch.cat([pose.flatten(1), places.flatten(1), directions.flatten(1), keys[..., 4:8].flatten(1), characters.contacts], 1)
+    frame = torch.cat(
+        [pose.flatten(1), places.flatten(1), directions.flatten(1), keys[..., 4:8].flatten(1), characters.contacts], 1
+    )
     return Inputs(frame, _encode_goal(characters, goals, root), _encode_gating(keys, goals, root))
 
 

@@ -13,7 +13,10 @@ from character.skeleton import Skeleton, humanoid_skeleton
 from torch import Tensor
 
 CONTACT_JOINTS = ("leftFoot", "leftToes", "rightFoot", "rightToes")
-_LEGS = (("leftUpperLeg", "leftLowerLeg", "leftFoot", "leftToes"), ("rightUpperLeg", "rightLowerLeg", "rightFoot", "rightToes"))
+_LEGS = (
+    ("leftUpperLeg", "leftLowerLeg", "leftFoot", "leftToes"),
+    ("rightUpperLeg", "rightLowerLeg", "rightFoot", "rightToes"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,8 @@ class Figure:
         return hips[..., None, :] + self.ancestry @ bones
 
     def facing(self, positions: Tensor) -> Tensor:
-        """Unit direction on the floor (x, z) that the torso faces: up x (hips + shoulders across). [..., J, 3] -> [..., 2]."""
+        """Unit direction on the floor (x, z) that the torso faces: up x (hips + shoulders across). [..., J, 3] ->
+        [..., 2]."""
         left, right = positions[..., self.across[:, 0], :], positions[..., self.across[:, 1], :]
         span = (right - left)[..., [0, 2]]
         span = (span / span.norm(dim=-1, keepdim=True).clamp_min(1e-6)).sum(-2)
@@ -67,7 +71,8 @@ class Figure:
 class Frame:
     """An upright frame on the floor: origin (x, z) [m] and the unit direction (x, z) of its +Z axis.
 
-    Batched over one leading axis; vectors are [B, *, 3] or floor vectors (x, z) [B, *, 2]. One small matrix product each:
+    Batched over one leading axis; vectors are [B, *, 3] or floor vectors (x, z) [B, *, 2]. One small matrix product
+    each:
     a frame of motion takes some fifteen of these, and a single character's time goes into calls, not into numbers.
     """
 
@@ -118,10 +123,21 @@ def six(orientations: Tensor) -> Tensor:
 
 
 def orthonormal(axes: Tensor) -> Tensor:
-    """The rotation matrix nearest in spirit to a forward and an up axis: forward kept, up made square. [..., 6] -> [..., 3, 3]."""
+    """The rotation matrix nearest in spirit to a forward and an up axis: forward kept, up made square. [..., 6] ->
+    [..., 3, 3]."""
     z = torch.nn.functional.normalize(axes[..., :3], dim=-1, eps=1e-6)
     x = torch.nn.functional.normalize(torch.linalg.cross(axes[..., 3:], z, dim=-1), dim=-1, eps=1e-6)
     return torch.stack([x, torch.linalg.cross(z, x, dim=-1), z], -1)
+
+
+def turn_between(u: Tensor, v: Tensor) -> Tensor:
+    """The smallest rotation that turns direction `u` into `v` (not for opposite ones). [..., 3] -> [..., 3, 3]."""
+    u, v = torch.nn.functional.normalize(u, dim=-1), torch.nn.functional.normalize(v, dim=-1)
+    axis, cosine = torch.linalg.cross(u, v, dim=-1), (u * v).sum(-1)
+    x, y, z = axis.unbind(-1)
+    nil = torch.zeros_like(x)
+    skew = torch.stack([nil, -z, y, z, nil, -x, -y, x, nil], -1).unflatten(-1, (3, 3))
+    return torch.eye(3) + skew + skew @ skew / (1 + cosine).clamp_min(1e-3)[..., None, None]
 
 
 def figure_of(skeleton: Skeleton) -> Figure:

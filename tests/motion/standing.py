@@ -48,4 +48,5 @@ def goals_at(pose: Pose, action: int, *, active: bool) -> Goals:
         active=torch.tensor([float(active)]),
         pose_positions=positions,
         pose_orientations=orientations,
+        urgency=torch.zeros(1),
     )

@@ -11,14 +11,14 @@ def test_distance_weights_are_the_published_ones(distance, weight):
 
 def test_weights_rise_slowly_and_need_the_action():
     near, none = torch.zeros(1), torch.zeros(1)
-    blend, settled = blend_weights(near, torch.ones(1), none, none)
+    blend, settled = blend_weights(near, torch.ones(1), none, none, none)
     assert 0 < float(blend) < 0.1
     assert 0 < float(settled) < 0.1
     for _ in range(60):
-        blend, settled = blend_weights(near, torch.ones(1), blend, settled)
+        blend, settled = blend_weights(near, torch.ones(1), blend, settled, none)
     assert float(blend) == pytest.approx(0.993, abs=1e-3)
     assert float(settled) == 1.0
-    assert float(blend_weights(near, torch.zeros(1), none, none)[0]) == 0.0
+    assert float(blend_weights(near, torch.zeros(1), none, none, none)[0]) == 0.0
 
 
 def test_bones_turn_no_faster_than_allowed_and_arrive():

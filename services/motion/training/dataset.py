@@ -103,6 +103,7 @@ class Dataset:
             active=self.goal_active[safe] * fixed,
             pose_positions=self.goal_positions[safe],
             pose_orientations=self.goal_orientations[safe],
+            urgency=torch.zeros(len(at)),
         )
 
     def targets(self, figure: Figure, at: Tensor) -> Targets:

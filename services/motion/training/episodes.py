@@ -1,9 +1,11 @@
 """Episodes: stretches of motion with an intent and a goal at every frame, real or warped towards a new goal pose.
 
-An interaction episode approaches, sits (or lies) down, holds, and leaves. Its frames are bent towards the goal pose with a
+An interaction episode approaches, sits (or lies) down, holds, and leaves. Its frames are bent towards the goal pose
+with a
 weight that rises to one at the first held frame, as local rotations, so limbs stay limbs. Planted feet stay planted: a
 foot whose place in the goal pose differs from where the clip put it makes one small adjusting step, lifted, late in the
-descent (and back before rising). While held, the clip's own fidgeting remains at a sixth of its size: living, but at the goal.
+descent (and back before rising). While held, the clip's own fidgeting remains at a sixth of its size: living, but at
+the goal.
 """
 
 from dataclasses import dataclass
@@ -176,7 +178,8 @@ def _warp(
     living: np.ndarray,
     lead: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Hips [T, 3] and local rotations [T, J, 4]: q(t) (q_key^-1 q_goal)^w, and while held q_goal (q_key^-1 q(t))^living."""
+    """Hips [T, 3] and local rotations [T, J, 4]: q(t) (q_key^-1 q_goal)^w, and while held q_goal (q_key^-1
+    q(t))^living."""
     hips, rotations = clip.root_positions[order], clip.rotations[order]
     chosen = np.where(lead, 0, 1)
     key_hips = np.stack([k.hips for k in keys])[chosen]
@@ -286,4 +289,6 @@ def _episode(
     intent[rise:stand], at[rise:stand] = IDLE, 1
     horizon[stand:] = count - 1
     standing = Key(bent.root_positions[min(stand, count - 1)], bent.rotations[min(stand, count - 1)])
-    return Episode(recording.name, bent, contacts, styles, phase, intent, at, horizon, ((goal, True), (standing, False)))
+    return Episode(
+        recording.name, bent, contacts, styles, phase, intent, at, horizon, ((goal, True), (standing, False))
+    )

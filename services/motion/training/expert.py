@@ -2,7 +2,8 @@
 
 A roll-out leaves the recorded track. Asking for the recorded next frame would teach jumps, asking for the recorded
 *change* would teach drift. The expert does what inertial blending does: it adds to the next recorded frame the present
-difference, shrunk by a factor per frame, root and pose apart; a planted foot is asked to stay where it is. Every state is
+difference, shrunk by a factor per frame, root and pose apart; a planted foot is asked to stay where it is. Every state
+is
 then a supervised example (dataset aggregation), and no gradient has to pass through time.
 """
 
@@ -20,7 +21,8 @@ _HOLD_WITHIN = 0.15  # [m] planted feet nearer than this to their target are ask
 
 
 def returning(figure: Figure, characters: Characters, positions: Tensor, truth: Characters, ahead: Targets) -> Targets:
-    """Targets for `characters` (joints at `positions` [B, J, 3]) whose recorded state is `truth` and goes on as `ahead`."""
+    """Targets for `characters` (joints at `positions` [B, J, 3]) whose recorded state is `truth` and goes on as
+    `ahead`."""
     own, true_positions = figure.frame(positions), figure.positions(truth.hips, truth.orientations)
     now, then = figure.frame(true_positions), figure.frame(ahead.positions)
     offset = own.origin - now.origin  # [B, 2]

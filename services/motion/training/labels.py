@@ -48,9 +48,10 @@ def find_spans(clip: Clip) -> list[tuple[str, int | None, int, int, int | None]]
     positions = clip.positions()
     hips = positions[:, 0, 1]
     standing = float(np.quantile(hips, 0.9))
-    thighs = positions[:, names.indices(["leftLowerLeg", "rightLowerLeg"])] - positions[
-        :, names.indices(["leftUpperLeg", "rightUpperLeg"])
-    ]
+    thighs = (
+        positions[:, names.indices(["leftLowerLeg", "rightLowerLeg"])]
+        - positions[:, names.indices(["leftUpperLeg", "rightUpperLeg"])]
+    )
     level = np.abs(thighs[..., 1] / np.linalg.norm(thighs, axis=-1)).min(1) < 0.6
     trunk = positions[:, names.index("neck")] - positions[:, 0]
     flat = trunk[:, 1] / np.linalg.norm(trunk, axis=-1) < 0.4
@@ -62,7 +63,13 @@ def find_spans(clip: Clip) -> list[tuple[str, int | None, int, int, int | None]]
             upright = hips > 0.93 * standing
             before, after = np.flatnonzero(upright[:first]), np.flatnonzero(upright[last:])
             spans.append(
-                (action, int(before[-1]) if len(before) else None, first, last, int(after[0]) + last if len(after) else None)
+                (
+                    action,
+                    int(before[-1]) if len(before) else None,
+                    first,
+                    last,
+                    int(after[0]) + last if len(after) else None,
+                )
             )
     return spans
 

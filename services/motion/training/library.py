@@ -1,4 +1,5 @@
-"""From folders of BVH to the training and validation sets: recordings, mirrored, cut into episodes, balanced, cached."""
+"""From folders of BVH to the training and validation sets: recordings, mirrored, cut into episodes, balanced,
+cached."""
 
 import hashlib
 import json
@@ -93,7 +94,9 @@ def _episodes(
 ) -> tuple[Dataset, dict[str, float]]:
     both = [*recordings, *(r.mirrored() for r in recordings)]
     banks = _banks(figure, both)
-    walks = [e for r in both for e in locomotion(r.at_rate(FRAME_RATE), figure.skeleton) if not r.name.startswith("derived")]
+    walks = [
+        e for r in both for e in locomotion(r.at_rate(FRAME_RATE), figure.skeleton) if not r.name.startswith("derived")
+    ]
     made: dict[str, list[Episode]] = {"sit": [], "lie": []}
     for recording in both:
         for number, span in enumerate(recording.spans):

@@ -116,7 +116,9 @@ def make_learner(figure: Figure, config: TrainingConfig) -> Learner:
     sizes = {"experts": config.experts, "encoding": config.encoding, "hidden": config.hidden}
     shape = network_config(figure.joint_count, **sizes)
     network = MotionNetwork(shape)
-    optimiser = torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.decay, betas=(0.9, 0.99), fused=True)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=config.rate, weight_decay=config.decay, betas=(0.9, 0.99), fused=True
+    )
     return Learner(network, copy.deepcopy(network), Normaliser(shape), optimiser)
 
 
@@ -166,7 +168,14 @@ def column_weights(figure: Figure) -> Tensor:
     return weights / weights.mean()
 
 
-def learn(learner: Learner, memory: Memory, config: TrainingConfig, weights: Tensor, figure: Figure, generator: torch.Generator) -> float:
+def learn(
+    learner: Learner,
+    memory: Memory,
+    config: TrainingConfig,
+    weights: Tensor,
+    figure: Figure,
+    generator: torch.Generator,
+) -> float:
     """One update; returns the loss."""
     frame, goal, gating, output, active = memory.draw(config.batch, generator)
     norm = learner.normaliser

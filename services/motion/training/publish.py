@@ -1,6 +1,6 @@
 """Puts a checkpoint where the services find it: weights/motion.safetensors and its entry in weights/manifest.json.
 
-    python -m motion.training.publish runs/mine/best.pt [--weights weights]
+python -m motion.training.publish runs/mine/best.pt [--weights weights]
 """
 
 import argparse
@@ -30,7 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     torch.set_num_threads(1)
     run = json.loads((options.checkpoint.parent / "config.json").read_text())
     known = {f.name for f in fields(LibraryConfig)}
-    library = LibraryConfig(**{k: tuple(v) if isinstance(v, list) else v for k, v in run["library"].items() if k in known})
+    library = LibraryConfig(
+        **{k: tuple(v) if isinstance(v, list) else v for k, v in run["library"].items() if k in known}
+    )
     figure = humanoid_figure()
     dataset, _, summary = load_library(figure, library, options.cache)
     path = options.weights / _KEY

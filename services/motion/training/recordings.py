@@ -74,7 +74,8 @@ class Reject:
 
 
 def read_folder(folder: Path, skeleton: Skeleton) -> tuple[list[Recording], list[Reject]]:
-    """All recordings of a folder of BVH files, sorted by name; unreadable or non-human files are returned as rejects."""
+    """All recordings of a folder of BVH files, sorted by name; unreadable or non-human files are returned as
+    rejects."""
     segments, contacts, spans = _segments(folder), _contacts(folder), _spans(folder)
     found: list[Recording] = []
     rejects: list[Reject] = []

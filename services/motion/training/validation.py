@@ -14,7 +14,9 @@ _CHARACTERS = 96
 def starts(dataset: Dataset, generator: torch.Generator) -> Tensor:
     """Fixed start frames, drawn by weight, that leave room for a whole roll-out where the episode allows."""
     cumulative = dataset.weight.double().cumsum(0)
-    at = torch.searchsorted(cumulative, torch.rand(_CHARACTERS, generator=generator, dtype=torch.float64) * cumulative[-1])
+    at = torch.searchsorted(
+        cumulative, torch.rand(_CHARACTERS, generator=generator, dtype=torch.float64) * cumulative[-1]
+    )
     at = at.clamp_max(len(dataset) - 1)
     return torch.maximum(torch.minimum(at, dataset.last[at] - _FRAMES), dataset.first[at])
 
@@ -23,7 +25,8 @@ def starts(dataset: Dataset, generator: torch.Generator) -> Tensor:
 def rollout_scores(figure: Figure, dataset: Dataset, predict: Predict, generator: torch.Generator) -> dict[str, float]:
     """Four seconds from many held-out states.
 
-    Returns metres: `root` mean root difference, `pose` mean joint difference in the root frame, `goal` mean joint distance
+    Returns metres: `root` mean root difference, `pose` mean joint difference in the root frame, `goal` mean joint
+    distance
     to the goal pose where it is held in the data, `slide` mean slide of a planted ankle per second; and their `score`.
     """
     at = starts(dataset, generator)
