@@ -47,7 +47,13 @@ def test_newton_never_raises_the_energy():
     energies: list[float] = []
     start = m.figure
     minimise(
-        start, m, target, Settings(DEFAULT, 1), iterations=6, joints=True, watch=lambda i, c: energies.append(float(c.energy[0]))
+        start,
+        m,
+        target,
+        Settings(DEFAULT, 1),
+        iterations=6,
+        joints=True,
+        watch=lambda i, c: energies.append(float(c.energy[0])),
     )
     assert energies == sorted(energies, reverse=True)
     assert energies[-1] < energies[0]

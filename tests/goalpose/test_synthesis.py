@@ -18,7 +18,9 @@ def test_a_pose_on_an_unseen_chair_comes_with_measures(synthesizer):
     assert result.action == "sit"
     assert result.diagnostics["hip_seat_distance"] < 0.04
     assert result.diagnostics["penetration_depth"] < 0.06
-    assert result.energies["total"] == pytest.approx(sum(v for k, v in result.energies.items() if k != "total"), rel=1e-4)
+    assert result.energies["total"] == pytest.approx(
+        sum(v for k, v in result.energies.items() if k != "total"), rel=1e-4
+    )
     assert result.candidates[0].energy == pytest.approx(result.energies["total"], rel=1e-5)
 
 

@@ -67,4 +67,4 @@ class DistanceGrid:
         size = np.array(self.values.shape)
         strides = torch.tensor([size[1] * size[2], size[2], 1])
         low = torch.as_tensor(self.origin)
-        return torch.from_numpy(self.values.reshape(-1)), low, low + torch.as_tensor((size - 1) * self.pitch), strides
+        return torch.tensor(self.values).reshape(-1), low, low + torch.as_tensor((size - 1) * self.pitch), strides

@@ -42,6 +42,7 @@ class _Nothing(Resolver):
 
 # What some exporters write for a broken coordinate; trimesh's text parsers stumble over it.
 _NOT_A_NUMBER = re.compile(rb"(?i)(?<![a-z_])(nan|inf)(?![a-z_])")
+_PLY_ELEMENT = re.compile(rb"element\s+(\w+)\s+(\d{1,18})\s")
 _NOTHING = _Nothing()
 
 
@@ -56,6 +57,8 @@ def read_mesh_file(data: bytes, format: str, limits: Limits) -> Geometry:
         data = check_gltf(data, format, limits)
     if format == "stl":
         _check_stl(data)
+    if format == "ply":
+        _check_ply(data, limits)
     try:
         scene = trimesh.load_scene(
             io.BytesIO(data),
@@ -84,6 +87,17 @@ def _check_stl(data: bytes) -> None:
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 0
     if len(data) < 84 + 50 * count or len(data) < 84:
         raise malformed("stl", f"it is cut off: {count} triangles are promised, {len(data)} bytes are there")
+
+
+def _check_ply(data: bytes, limits: Limits) -> None:
+    """Refuse a PLY whose header promises more than the limits or more elements than there are bytes."""
+    header = data[: data.find(b"end_header")]
+    counts = {name: int(count) for name, count in _PLY_ELEMENT.findall(header)}
+    check_counts(counts.get(b"vertex", 0), counts.get(b"face", 0), limits)
+    if max(counts.values(), default=0) > len(data):
+        raise malformed(
+            "ply", f"it is cut off: {max(counts.values())} elements are promised, {len(data)} bytes are there"
+        )
 
 
 def _flatten(scene: Any, limits: Limits) -> Geometry:

@@ -30,6 +30,8 @@ def read_pcd(data: bytes, limits: Limits) -> Geometry:
     """Read x, y, z of every point. Points with a NaN coordinate are left out: PCD marks missing returns so."""
     header = _read_header(data)
     check_counts(header.points, 0, limits)
+    if header.points * header.record.itemsize > limits.memory_bytes // 4:
+        raise malformed("pcd", f"its points have {header.record.itemsize} bytes each, which is too much to unpack")
     body = data[header.body :]
     if header.encoding == "ascii":
         points = _ascii(body, header)

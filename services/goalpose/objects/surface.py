@@ -20,8 +20,8 @@ from goalpose.objects.sampling import (
 from goalpose.objects.voxels import Surface
 
 SAMPLE_COUNT = 20_000
-_DENSE_LEAST, _DENSE_MOST = 40_000, 200_000
-_SAMPLES_PER_CELL = 5.0
+_DENSE_LEAST, _DENSE_MOST = 40_000, 160_000
+_SAMPLES_PER_CELL = 4.0
 _NEIGHBOURS = 12  # of a cloud point, to lay a plane through
 
 
