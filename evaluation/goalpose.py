@@ -1,8 +1,8 @@
 """`roam evaluate goalpose`: do people really sit on objects nobody has seen?
 
-Objects are in canonical form (metres, +Y up, seat facing +Z, floor at their lowest point); `CATALOG.csv` beside them gives
-category and seat height, without it both are found from the mesh. Every object is tried from several initial headings
-and, once, turned and moved at random, which must not change the pose relative to the object.
+Objects are in canonical form (metres, +Y up, seat facing +Z, floor at their lowest point); `CATALOG.csv` beside them
+gives category and seat height, without it both are found from the mesh. Every object is tried from several initial
+headings and, once, turned and moved at random, which must not change the pose relative to the object.
 
     python -m evaluation.goalpose --objects DIR --json FILE [--sheet FILE.png] [--headings 12] [--held-out] …
 """
@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from PIL import Image
 from goalpose.synthesis import Synthesizer
+from PIL import Image
 
 from evaluation.goalpose_objects import EvaluationObject, find_objects
 from evaluation.goalpose_runs import Plan, Run, evaluate_object, load_synthesizer
@@ -34,7 +34,9 @@ _SYNTHESIZER: Synthesizer | None = None
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(prog="roam evaluate goalpose", description=__doc__.split("\n")[0])
-    parser.add_argument("--objects", type=Path, action="append", required=True, help="folder of meshes; repeat for more")
+    parser.add_argument(
+        "--objects", type=Path, action="append", required=True, help="folder of meshes; repeat for more"
+    )
     parser.add_argument("--json", type=Path, help="write all figures here")
     parser.add_argument("--sheet", type=Path, help="write contact sheets here (PNG; numbered when there are several)")
     parser.add_argument("--headings", type=int, default=12, help="initial headings to try each object from")
@@ -44,7 +46,9 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--reference", help="reference pose id; default: chosen by fit")
     parser.add_argument("--action", default="sit", choices=("sit", "lie"))
     parser.add_argument("--solver", default="default", choices=("default", "paper"))
-    parser.add_argument("--terms", default="all", choices=("all", "descriptor", "geometry"), help="ablation of the energy")
+    parser.add_argument(
+        "--terms", default="all", choices=("all", "descriptor", "geometry"), help="ablation of the energy"
+    )
     parser.add_argument("--weights", type=Path, help="field weights; default: the shipped ones")
     parser.add_argument("--turned", type=int, default=1, help="random turns of the upload per object")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
@@ -106,7 +110,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     runs = run_all(objects, plan, options.jobs)
     report: dict[str, Any] = {
         "objects": len(objects),
-        "plan": {k: str(v) if isinstance(v, Path) else v for k, v in vars(options).items() if k not in ("json", "sheet", "objects")},
+        "plan": {
+            k: str(v) if isinstance(v, Path) else v
+            for k, v in vars(options).items()
+            if k not in ("json", "sheet", "objects")
+        },
         "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
         "minutes": round((time.time() - started) / 60, 1),
         "summary": summarise(runs),

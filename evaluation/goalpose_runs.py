@@ -70,7 +70,7 @@ class Run:
 
     @property
     def strict(self) -> bool:
-        """Issue 3: 5 cm, 15 degrees, no capsule deeper than 3 cm, feet within 3 cm of the floor where the seat allows."""
+        """Issue 3: 5 cm, 15 degrees, no capsule deeper than 3 cm, feet within 3 cm of the floor."""
         hip = self.hip_distance is not None and self.hip_distance <= STRICT_HIP
         heading = self.heading_error is None or self.heading_error <= STRICT_HEADING
         floor = self.floor is None or self.floor <= STRICT_FLOOR
@@ -141,14 +141,19 @@ def evaluate_object(synthesizer: Synthesizer, item: EvaluationObject, plan: Plan
 
 
 def judge(
-    item: EvaluationObject, region: SeatRegion | None, shape: Shape, result: GoalPoseResult, yaw: float, synthesizer: Synthesizer, *, cpu: float
+    item: EvaluationObject,
+    region: SeatRegion | None,
+    shape: Shape,
+    result: GoalPoseResult,
+    yaw: float,
+    synthesizer: Synthesizer,
+    *,
+    cpu: float,
 ) -> Run:
     """Measures of one result."""
     hip = result.pose.positions()[0]
     pair = synthesizer.references[result.reference]
-    reference_height = next(
-        m.hip_height for (name, _, _), m in synthesizer._models.items() if name == pair.id
-    )
+    reference_height = next(m.hip_height for (name, _, _), m in synthesizer._models.items() if name == pair.id)
     middle = float(shape.bounds[:, 0].mean())
     front = None
     if region is not None and region.has_back and item.category not in ("stool", "barstool"):
@@ -173,7 +178,9 @@ def judge(
     )
 
 
-def _turn_error(synthesizer: Synthesizer, shape: Shape, request: GoalPoseRequest, result: GoalPoseResult, seed: int) -> float:
+def _turn_error(
+    synthesizer: Synthesizer, shape: Shape, request: GoalPoseRequest, result: GoalPoseResult, seed: int
+) -> float:
     """Largest joint distance [m] between the pose on the turned and moved upload and the turned and moved pose."""
     assert shape.mesh is not None
     random = np.random.default_rng(seed)

@@ -38,7 +38,9 @@ def figures(runs: list[Run]) -> dict[str, Any]:
         "success_from_every_heading": round(len(steady) / len(objects), 4),
         "strict": _share(run.strict for run in runs),
         "hip_distance_m": _spread(run.hip_distance for run in runs),
-        "heading_error_deg": _spread(None if run.heading_error is None else np.degrees(run.heading_error) for run in runs),
+        "heading_error_deg": _spread(
+            None if run.heading_error is None else np.degrees(run.heading_error) for run in runs
+        ),
         "lateral_m": _spread(run.lateral for run in runs),
         "penetration_m": _spread(run.penetration for run in runs),
         "shallower_than_3cm": _share(run.penetration <= 0.03 for run in runs),

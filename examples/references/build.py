@@ -1,6 +1,7 @@
 """Makes the reference pairs of this folder: python examples/references/build.py
 
-Every pair is one authored pose of the humanoid skeleton on one reference object, in the object's canonical space: +Y up,
+Every pair is one authored pose of the humanoid skeleton on one reference object, in the object's canonical space: +Y
+up,
 seat facing +Z, floor at y = 0. Two files: NAME.json (pose and description) and NAME.glb (the object).
 """
 
@@ -55,7 +56,8 @@ def sitting(
 ) -> Pose:
     """A person on a seat of height `seat` [m], pelvis leaning back by `lean` degrees, the trunk coming up by `upright`.
 
-    `hip_z` is where the hip joints are, `knee` how far the ankles are in front of them, `spread` half the feet's distance.
+    `hip_z` is where the hip joints are, `knee` how far the ankles are in front of them, `spread` half the feet's
+    distance.
     """
     tilt = np.radians(lean)
     root = (0.0, seat + hip_above + PELVIS * np.cos(tilt), hip_z - PELVIS * np.sin(tilt))
@@ -219,7 +221,8 @@ def bar_sit() -> Pair:
 
 
 def lying(*, top: float, hip_x: float, z: float, raise_trunk: float, raise_head: float, knee_bend: float) -> Pose:
-    """A person on the back on a surface of height `top` [m], head towards +X; trunk, head and knees raised by degrees."""
+    """A person on the back on a surface of height `top` [m], head towards +X; trunk, head and knees raised by
+    degrees."""
     root = (hip_x, top + 0.10, z)
     pitches = {"spine": raise_trunk / 2, "chest": raise_trunk / 2, "neck": raise_head / 2, "head": raise_head / 2}
     flex = np.radians(knee_bend)

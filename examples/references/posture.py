@@ -37,7 +37,8 @@ def author_pose(
     arms: LimbGoal | tuple[LimbGoal, LimbGoal],
     legs: LimbGoal | tuple[LimbGoal, LimbGoal],
 ) -> Pose:
-    """A pose from the hips' position [m], the trunk's frame, forward pitches [degrees] and limb goals (left, or left and right).
+    """A pose from the hips' position [m], the trunk's frame, forward pitches [degrees] and limb goals (left, or left
+    and right).
 
     `facing` [4]: orientation of the figure before its own pitches; identity sits upright facing +Z. Limb goals are in
     the world frame. One goal serves both sides, mirrored in x (or, for a lying figure, give two).

@@ -32,7 +32,8 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     """Measures of the first pose of a batch, in metres, radians and shares.
 
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
-    `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the reference
+    `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
+    reference
     stands on it); `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance from the reference's
     canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
     """
@@ -83,7 +84,7 @@ def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:
             PoseWarning(
                 "NO_PLAUSIBLE_POSE",
                 f"The body is not held by the object: it misses its support by {values['support_miss']:.2f} m.",
-                "Check the object's size, unit and up axis, or choose a reference pose made for this kind of furniture.",
+                "Check the object's size, unit and up axis, or choose another reference pose.",
             )
         )
     if values["penetration_depth"] > DEEP:

@@ -1,4 +1,5 @@
-"""Legs for another seat height: the reference's feet brought to the target's floor, or left hanging from a high seat."""
+"""Legs for another seat height: the reference's feet brought to the target's floor, or left hanging from a high
+seat."""
 
 import torch
 from character.kinematics import Posture, limb, reach_with_limb

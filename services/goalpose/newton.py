@@ -1,8 +1,8 @@
 """Damped Gauss-Newton on root translation and joint rotations, for a batch of candidates.
 
-Some 70 unknowns and a few hundred residuals: one step costs little more than one gradient of the descriptors, and a dozen
-steps do what hundreds of Adam steps do. Levenberg's damping is kept per candidate; a step that does not lower the energy is
-taken back.
+Some 70 unknowns and a few hundred residuals: one step costs little more than one gradient of the descriptors, and a
+dozen steps do what hundreds of Adam steps do. Levenberg's damping is kept per candidate; a step that does not lower
+the energy is taken back.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from goalpose.energy.gravity import UPRIGHT_JOINTS
 from goalpose.energy.penetration import penetration_pull
 from goalpose.energy.pull import Pull
 from goalpose.energy.self_collision import deepest_pairs
-from goalpose.energy.total import ReferenceModel, Settings, Target
+from goalpose.energy.total import ReferenceModel, Settings, Target, probe_weights
 
 LONGEST_SHIFT, LARGEST_TURN = 0.06, 0.25  # [m], [rad] in one step
 PAIRS = 12  # colliding pairs of spheres looked at
@@ -47,8 +47,7 @@ def expand(figure: Figure, model: ReferenceModel, target: Target, settings: Sett
     pulls: list[tuple[float, Pull]] = []
     rows: list[tuple[Tensor, Tensor]] = []  # residuals [B, R] with Jacobians [B, R, N], already weighted
     if w.descriptor:
-        chosen = model.probes.thinned(settings.samples)
-        omega = torch.where(model.probes.knee[chosen], settings.knee_weight, 1.0) / len(chosen)
+        chosen, omega = probe_weights(model, settings)
         reference = model.descriptors[chosen]
         energy, pull = descriptor_pull(target.field, target.latent, figure, model.probes, chosen, reference, omega)
         terms["descriptor"] = w.descriptor * energy
@@ -195,7 +194,7 @@ def minimise(
     tolerance: float = 1e-4,
     watch: Callable[[int, Candidates], None] = lambda i, c: None,
 ) -> Candidates:
-    """Lowers the energy of every pose; only the root moves unless `joints`. Stops when no candidate gains `tolerance`."""
+    """Lowers the energy of every pose, moving only the root unless `joints`; stops when none gains `tolerance`."""
     free = 3 + 3 * figure.positions.shape[1] if joints else 6
     with torch.enable_grad():
         now = expand(figure, model, target, settings)

@@ -1,6 +1,8 @@
-"""The published schedule (supplement C): 250 rigid, 100 joint and 150 regularised Adam steps from the paper's initial pose.
+"""The published schedule (supplement C): 250 rigid, 100 joint and 150 regularised Adam steps from the paper's initial
+pose.
 
-Our changes (METHOD-NOTES): metres instead of millimetres and boxes, several initial headings in one batch, the best iterate
+Our changes (METHOD-NOTES): metres instead of millimetres and boxes, several initial headings in one batch, the best
+iterate
 instead of the last, no gradients for the network.
 """
 
@@ -35,9 +37,9 @@ class PaperConfig:
         rigid = Schedule(counts[0], 1e-3, 0.01, joints=False)
         free, final = Schedule(counts[1], 1e-3, 0.01, joints=True), Schedule(counts[2], 1e-3, 0.01, joints=True)
         return [
-            (1, rigid, Settings(PAPER_RIGID, self.samples, knee_weight=3.0)),
-            (2, free, Settings(PAPER_JOINTS, self.samples)),
-            (3, final, Settings(PAPER_FULL, self.samples)),
+            (1, rigid, Settings(PAPER_RIGID, self.samples, knee_weight=3.0, by_nearness=False)),
+            (2, free, Settings(PAPER_JOINTS, self.samples, by_nearness=False)),
+            (3, final, Settings(PAPER_FULL, self.samples, by_nearness=False)),
         ]
 
 

@@ -20,14 +20,15 @@ from goalpose.objects import DistanceGrid
 from goalpose.references import ReferencePair
 
 GIVE = 0.012  # [m] how much flesh and cushion give everywhere
-GROUP_WEIGHTS = {"support": 0.5, "lean": 0.2, "floor": 0.2, "arms": 0.1}
+NEAR = 0.15  # [m] from the object at which a descriptor counts half
+GROUP_WEIGHTS = {"support": 0.4, "lean": 0.3, "floor": 0.2, "arms": 0.1}
 _ARMS = ("UpperArm", "LowerArm", "Hand")
 
 
 def model_reference(
     pair: ReferencePair, field: DescriptorField, *, samples: int, seed: int = 0, points: int = 1500
 ) -> ReferenceModel:
-    """Everything about a reference pair that the energy needs; `samples` probes per centre, `points` for the encoder."""
+    """All that the energy needs of a reference pair; `samples` probes per centre, `points` for the encoder."""
     skeleton = pair.pose.skeleton
     figure = figure_of(pair)
     probes = make_probes(skeleton, samples=samples, seed=seed)
@@ -40,6 +41,7 @@ def model_reference(
     with torch.no_grad():
         latent = field.encode(torch.as_tensor(pair.shape.points[:points])[None])
         descriptors = pose_descriptor(field, latent, figure, probes)[0]
+        apart = pair.shape.distance.query(figure.attached(probes.joint, probes.offset))[0]
         room = clearances(figure, body, pair.shape.distance)[0]
         overlap = penetration_depths(figure, body, pair.shape.distance)[0]
     return ReferenceModel(
@@ -49,6 +51,7 @@ def model_reference(
         gravity=gravity_directions(figure)[0],
         probes=probes,
         descriptors=descriptors,
+        nearness=1.0 / (1.0 + (apart.clamp(min=0.0) / NEAR).square()),
         body=body,
         allowance=torch.maximum(overlap, torch.tensor(GIVE)),
         contacts=reference_contacts(figure, body, pair.shape.distance, pair.shape.floor_height),

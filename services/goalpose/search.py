@@ -1,4 +1,4 @@
-"""The coarse rigid search: every resting place times every heading in one batch, ranked by geometry, then by the descriptor."""
+"""The coarse rigid search: every resting place times every heading in one batch, ranked by geometry, then by all."""
 
 import math
 from dataclasses import replace
@@ -78,8 +78,12 @@ def coarse_search(
     """The best `keep` distinct rigid placements: `shortlist` of them by geometry, those then by the whole energy."""
     weights = settings.weights
     figure = placed_figures(model, places, turns, target.floor_height)
-    cheap = replace(settings, weights=replace(weights, prior=0.0, angle_limit=0.0, gravity=0.0, self_collision=0.0))
-    if weights.contact or weights.penetration or weights.clearance:
+    # Rigid moves hardly change the terms of the body alone; contacts and penetration imply the clearance.
+    cheap = replace(
+        settings,
+        weights=replace(weights, prior=0.0, angle_limit=0.0, gravity=0.0, self_collision=0.0, floor=0.0, clearance=0.0),
+    )
+    if weights.contact or weights.penetration:
         candidates = evaluate(figure, model, target, without_descriptor(cheap))
         figure = figure[distinct(candidates, shortlist, reach=0.06, angle=0.3)]
     candidates = evaluate(figure, model, target, settings)

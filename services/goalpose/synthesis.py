@@ -10,6 +10,7 @@ from threading import Lock
 
 import torch
 from character.pose import Pose
+from torch import Tensor
 
 from goalpose.candidates import Candidates, facing_yaw
 from goalpose.diagnostics import PoseWarning, diagnose, warn
@@ -22,7 +23,7 @@ from goalpose.places import find_places
 from goalpose.progress import Listener, Progress, Watch
 from goalpose.reference_model import model_reference
 from goalpose.references import ACTIONS, ReferencePair, load_references
-from goalpose.solver import SolverConfig, best_after_trial, refine, start_placements
+from goalpose.solver import SolverConfig, best_after_trial, reference_fit, refine, start_placements, survey
 
 SOLVERS = ("default", "paper")
 ENCODER_POINTS = 1500
@@ -155,32 +156,29 @@ class Synthesizer:
         places = find_places(shape)
         if not len(places):
             places = torch.tensor(shape.bounds.mean(0), dtype=torch.float32)[None]
-        found: list[tuple[float, ReferencePair, Candidates]] = []
+        first = request.initial_yaw or 0.0
+        pair = pairs[0] if len(pairs) == 1 else self._best_fitting(pairs, target, request.seed, places, first, watch)
+        model = self.model(pair, request.seed, config.samples)
+        starts = start_placements(model, target, config, places=places, initial_yaw=first, keep=keep)
+        return pair, refine(starts, model, target, config, watch)
+
+    def _best_fitting(
+        self, pairs: list[ReferencePair], target: Target, seed: int, places: Tensor, first: float, watch: Watch
+    ) -> ReferencePair:
+        """The reference that a rough survey and, for the most promising, a few steps of optimisation fit best."""
+        found = []
         for pair in pairs:
             watch.check()
-            model = self.model(pair, request.seed, config.samples)
-            starts = start_placements(model, target, config, places=places, initial_yaw=request.initial_yaw or 0.0, keep=keep)
-            found.append((float(starts.energy[0]), pair, starts))
+            model = self.model(pair, seed, self.config.samples)
+            starts = survey(model, target, self.config, places=places, initial_yaw=first)
+            found.append((reference_fit(starts), pair, starts))
         found.sort(key=lambda item: item[0])
-        if len(found) > 1:
-            found = self._trial(found[: config.contenders], target, request, watch)
-        _, pair, starts = found[0]
-        return pair, refine(starts, self.model(pair, request.seed, config.samples), target, config, watch)
-
-    def _trial(
-        self,
-        contenders: list[tuple[float, ReferencePair, Candidates]],
-        target: Target,
-        request: GoalPoseRequest,
-        watch: Watch,
-    ) -> list[tuple[float, ReferencePair, Candidates]]:
-        """The references whose placements promise most, ranked by what a few steps make of each one's best two."""
         tried = []
-        for _, pair, starts in contenders:
+        for _, pair, starts in found[: self.config.contenders]:
             watch.check()
-            energy = best_after_trial(starts, self.model(pair, request.seed, self.config.samples), target, self.config)
-            tried.append((energy, pair, starts))
-        return sorted(tried, key=lambda item: item[0])
+            model = self.model(pair, seed, self.config.samples)
+            tried.append((best_after_trial(starts, model, target, self.config), pair))
+        return min(tried, key=lambda item: item[0])[1]
 
     def _solve_paper(
         self, shape: Shape, target: Target, pairs: list[ReferencePair], request: GoalPoseRequest, watch: Watch

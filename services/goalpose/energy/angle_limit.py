@@ -1,7 +1,8 @@
 """E_a: joint angles within the limits seen in motion capture, relaxed by 10 degrees (paper Eq. 7 and 8, supplement C).
 
-The paper bounds Euler angles, whose flips leave some joints free (METHOD-NOTES 9); here each joint's rotation is split into
-a twist about its bone and a swing across it, R = swing * twist, and each of the three angles has its bounds.
+The paper bounds Euler angles, whose flips leave some joints free (METHOD-NOTES 9); here each joint's rotation is
+split into a twist about its bone and a swing across it, R = swing * twist, and each of the three angles has its
+bounds.
 """
 
 import json
@@ -41,7 +42,7 @@ def bone_axis(skeleton: Skeleton, joint: int) -> int:
 
 
 def swing_twist(rotations: Tensor, axis: Tensor) -> Tensor:
-    """Angles of local rotations [..., K, 4] about bone axes [K] -> [..., K, 3] [rad]: the twist at the bone's axis, else swing."""
+    """Twist (at the bone's axis) and swing of local rotations [..., K, 4] about bone axes [K]. -> [..., K, 3] [rad]."""
     along = torch.nn.functional.one_hot(axis, 3).to(rotations)
     part = (rotations[..., :3] * along).sum(-1, keepdim=True)
     twist = torch.cat([part * along, rotations[..., 3:]], dim=-1)

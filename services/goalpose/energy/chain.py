@@ -1,7 +1,7 @@
 """How points fixed to the skeleton move with its degrees of freedom: closed-form Jacobians.
 
-The unknowns are root translation and one local rotation vector per joint, R_k exp(v_k): N = 3 + 3 J numbers. A point x on joint j
-moves with v_k of every joint k from the root to j by (O_k v_k) x (x - o_k).
+The unknowns are root translation and one local rotation vector per joint, R_k exp(v_k): N = 3 + 3 J numbers. A point
+x on joint j moves with v_k of every joint k from the root to j by (O_k v_k) x (x - o_k).
 """
 
 from functools import cache

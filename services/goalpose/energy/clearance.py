@@ -1,8 +1,8 @@
 """E_n: every part of the body is as far from the object as in the reference (beyond the paper).
 
-The signed distance is a descriptor of one number that needs no training: it tells a seat with a back from one without, the
-side of an armrest from the room in front of the knees. It keeps the learned descriptors honest on objects unlike any that
-the field was trained on.
+The signed distance is a descriptor of one number that needs no training: it tells a seat with a back from one
+without, the side of an armrest from the room in front of the knees. It keeps the learned descriptors honest on
+objects unlike any that the field was trained on.
 """
 
 from torch import Tensor

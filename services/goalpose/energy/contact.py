@@ -1,4 +1,4 @@
-"""E_s: touch the object where the reference touches it (beyond the paper): seat under the thighs, back at the rest, feet down."""
+"""E_s: touch the object where the reference touches it, and the floor with the soles (beyond the paper)."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ from goalpose.energy.pull import Pull, SignedDistance, distance_and_normal
 class Contacts:
     """K body-fixed points that lie on the object's surface (or the floor) in the reference pair.
 
-    A sphere of the body at distance d from the surface with outward normal n touches at x - d n: if that point is on the
-    target's surface too and the sphere is outside, the target's surface faces the body from the same side.
+    A sphere of the body at distance d from the surface with outward normal n touches at x - d n: if that point is on
+    the target's surface too and the sphere is outside, the target's surface faces the body from the same side.
     """
 
     joint: Tensor  # [K]

@@ -27,7 +27,7 @@ class DescriptorField(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """P query points fixed to joints: Gaussian clouds at C centres (joints and limb midpoints), point-major by centre."""
+    """P query points fixed to joints: Gaussian clouds at C centres (joints, limb midpoints), centre by centre."""
 
     joint: Tensor  # [P]
     offset: Tensor  # [P, 3] in the joint's frame [m]
@@ -95,19 +95,26 @@ def pose_descriptor(
 def descriptor_energy(values: Tensor, reference: Tensor, weight: Tensor) -> Tensor:
     """E_d = sum_p w_p |Z'_p - Z_p|_1 / sqrt(D). -> [B].
 
-    `values` [B, P, D], `reference` [P, D], `weight` [P] summing to 1 (paper: omega_j / number of joints). Division by sqrt(D)
-    instead of D keeps the term of the order of the descriptors' angle whatever the field's size.
+    `values` [B, P, D], `reference` [P, D], `weight` [P] summing to 1 (paper: omega_j / number of joints). Division
+    by sqrt(D) instead of D keeps the term of the order of the descriptors' angle whatever the field's size.
     """
     residual = (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5
     return (residual * weight).sum(-1)
 
 
 def descriptor_pull(
-    field: DescriptorField, latent: Any, figure: Figure, probes: Probes, chosen: Tensor, reference: Tensor, weight: Tensor
+    field: DescriptorField,
+    latent: Any,
+    figure: Figure,
+    probes: Probes,
+    chosen: Tensor,
+    reference: Tensor,
+    weight: Tensor,
 ) -> tuple[Tensor, Pull]:
     """E_d [B] and its pull.
 
-    A point's residual is like a distance, E ~ k |x - x*|; reweighted least squares then has the stiffness |dE/dx|^2 / E.
+    A point's residual is like a distance, E ~ k |x - x*|; reweighted least squares then has the stiffness |dE/dx|^2
+    / E.
     """
     joint = probes.joint[chosen]
     points = figure.attached(joint, probes.offset[chosen]).detach()

@@ -1,7 +1,8 @@
 """How an energy term pulls at points of the body: its first and second order around the present pose.
 
 The optimiser needs no autograd through the skeleton: every term is a function of points fixed to joints, so force and
-stiffness at the points, chained with the closed-form motion of points (chain.py), give gradient and Gauss-Newton matrix.
+stiffness at the points, chained with the closed-form motion of points (chain.py), give gradient and Gauss-Newton
+matrix.
 """
 
 from dataclasses import dataclass

@@ -9,7 +9,7 @@ from goalpose.energy.penetration import BodyPoints
 
 
 def collision_pairs(skeleton: Skeleton, body: BodyPoints, rest: Figure) -> Tensor:
-    """Pairs of spheres that may collide: on joints more than two bones apart, and clear of each other in `rest`. -> [2, M]."""
+    """Pairs of spheres that may collide: more than two bones apart, and clear of each other in `rest`. -> [2, M]."""
     hops = _joint_hops(skeleton)
     i, j = torch.triu_indices(len(body.joint), len(body.joint), 1)
     apart = hops[body.joint[i], body.joint[j]] > 2

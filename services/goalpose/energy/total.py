@@ -27,9 +27,10 @@ class ReferenceModel:
     skeleton: Skeleton
     figure: Figure  # [1, ...] the reference pose
     canonical: Tensor  # [J, 3] joint positions without root transform
-    gravity: Tensor  # [2, 3]
+    gravity: Tensor  # [3, 3]
     probes: Probes
     descriptors: Tensor  # [P, D]
+    nearness: Tensor  # [P] 1 at the reference object, falling with distance: far descriptors say little
     body: BodyPoints
     allowance: Tensor  # [body points] [m]
     contacts: Contacts
@@ -58,6 +59,7 @@ class Settings:
     weights: EnergyWeights
     samples: int  # probes per centre
     knee_weight: float = 1.0  # omega of the knees, 3 in the paper's rigid stage
+    by_nearness: bool = True  # omega also falls with the distance from the reference object; not in the paper
 
 
 def total_energy(
@@ -95,11 +97,20 @@ def total_energy(
     return torch.stack(list(terms.values())).sum(0), terms
 
 
-def _descriptor(figure: Figure, model: ReferenceModel, target: Target, settings: Settings) -> Tensor:
+def probe_weights(model: ReferenceModel, settings: Settings) -> tuple[Tensor, Tensor]:
+    """Which probes are looked at [P'], and their omega [P'], summing to 1."""
     chosen = model.probes.thinned(settings.samples)
-    values = pose_descriptor(target.field, target.latent, figure, model.probes, chosen)
     omega = torch.where(model.probes.knee[chosen], settings.knee_weight, 1.0)
-    return descriptor_energy(values, model.descriptors[chosen], omega / len(chosen))
+    if settings.by_nearness:
+        omega = omega * model.nearness[chosen]
+        return chosen, omega / omega.sum()
+    return chosen, omega / len(chosen)
+
+
+def _descriptor(figure: Figure, model: ReferenceModel, target: Target, settings: Settings) -> Tensor:
+    chosen, omega = probe_weights(model, settings)
+    values = pose_descriptor(target.field, target.latent, figure, model.probes, chosen)
+    return descriptor_energy(values, model.descriptors[chosen], omega)
 
 
 def without_descriptor(settings: Settings) -> Settings:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 class EnergyWeights:
     """One weight per term; 0 switches a term off (it is then not computed).
 
-    The paper's terms (section 3.1.3): `descriptor`, `angle_limit`, `floor`, `prior`. The others are beyond the paper: its
-    skeleton has no volume, and its section E names penetration and missing contacts as the open problems.
+    The paper's terms (section 3.1.3): `descriptor`, `angle_limit`, `floor`, `prior`. The others are beyond the
+    paper: its skeleton has no volume, and its section E names penetration and missing contacts as the open problems.
     """
 
     descriptor: float = 1.0  # E_d, mean L1 over unit descriptors [1]
@@ -28,16 +28,17 @@ PAPER_RIGID = EnergyWeights()
 PAPER_JOINTS = EnergyWeights()
 PAPER_FULL = EnergyWeights(angle_limit=3.283, floor=1e-2, prior=1e-2)
 
-# Ours. Orders of magnitude that are worth about 0.1 each: descriptor off by a tenth of a radian; a fifth of the contacts
-# missed; five spheres of the body 4 cm too deep; the joints 6 cm from the reference's pose; trunk tilted by 18 degrees.
+# Ours. Orders of magnitude that are worth about 0.1 each: descriptor off by a tenth of a radian; a fifth of the
+# contacts missed; five spheres of the body 4 cm too deep; the joints 6 cm from the reference's pose; trunk tilted by
+# 18 degrees.
 DEFAULT = EnergyWeights(
-    descriptor=1.0,
+    descriptor=0.7,
     angle_limit=1.0,
     floor=100.0,
-    prior=10.0,
-    penetration=1500.0,
-    contact=0.5,
+    prior=30.0,
+    penetration=4000.0,
+    contact=0.7,
     clearance=0.7,
-    gravity=1.0,
+    gravity=2.0,
     self_collision=50.0,
 )

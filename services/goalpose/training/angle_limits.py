@@ -1,7 +1,9 @@
 """Computes energy/angle_limits.json from motion capture: python -m goalpose.training.angle_limits FOLDER_OF_BVH
 
-Bounds of twist and swing per humanoid bone: the 0.2 and 99.8 percentiles over all frames, made symmetric between left and
-right. Only these few percentiles are stored, no motion. The motion-capture data must be cited; see weights/MODEL_CARD.md.
+Bounds of twist and swing per humanoid bone: the 0.2 and 99.8 percentiles over all frames, made symmetric between left
+and
+right. Only these few percentiles are stored, no motion. The motion-capture data must be cited; see
+weights/MODEL_CARD.md.
 """
 
 import argparse
@@ -42,7 +44,8 @@ def gather_angles(folder: Path, skeleton: Skeleton) -> npt.NDArray[np.float32]:
 def symmetric_bounds(
     skeleton: Skeleton, low: npt.NDArray[np.float32], high: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """The wider of each bound and its mirror image. Mirroring in x keeps angles about x and negates those about y and z."""
+    """The wider of each bound and its mirror image. Mirroring in x keeps angles about x and negates those about y and
+    z."""
     partner = list(skeleton.mirror)
     flip = np.array([1.0, -1.0, -1.0], np.float32)
     mirrored_low = np.where(flip > 0, low[partner], -high[partner])
