@@ -4,11 +4,13 @@ import * as THREE from "three";
 
 const CLOTHES = {
   skin: { color: 0xd9a37e, roughness: 0.65 },
-  shirt: { color: 0x3f6f8f, roughness: 0.85 },
-  trousers: { color: 0x2b3440, roughness: 0.9 },
+  shirt: { color: 0x4c86ab, roughness: 0.85 },
+  trousers: { color: 0x44546a, roughness: 0.9 },
   shoes: { color: 0x7a4a2f, roughness: 0.6 },
   hair: { color: 0x33241c, roughness: 0.95 },
 };
+
+const GHOST_OPACITY = 0.28;
 
 function clothing(bone) {
   if (/foot|toes/i.test(bone)) return "shoes";
@@ -101,6 +103,11 @@ export class Character {
     this.group.visible = true;
   }
 
+  /** 0 hides a ghost, 1 shows it as pale as it gets. */
+  fade(share) {
+    this.materials.skin.opacity = GHOST_OPACITY * share;
+  }
+
   get hips() {
     return this.joints[0].position;
   }
@@ -114,7 +121,7 @@ function clothMaterials() {
 
 function ghostMaterials() {
   const material = new THREE.MeshStandardMaterial({
-    color: 0x18a999, emissive: 0x0b5a52, roughness: 1, transparent: true, opacity: 0.28, depthWrite: false,
+    color: 0x18a999, emissive: 0x0b5a52, roughness: 1, transparent: true, opacity: GHOST_OPACITY, depthWrite: false,
   });
   return Object.fromEntries(Object.keys(CLOTHES).map((name) => [name, material]));
 }

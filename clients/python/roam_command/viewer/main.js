@@ -291,6 +291,8 @@ function draw(now) {
   const seconds = Math.min(0.25, (now - last) / 1000);
   last = now;
   if (stream && playback.show(character, paused ? 0 : seconds)) stage.followPoint(character.hips, seconds);
+  // Where the character takes the goal pose, the ghost makes room for it.
+  ghost.fade(Math.min(1, (distanceToGoal() ?? 1) / 0.4));
   panel.showFrame(stream ? playback.newest : null, paused ? 0 : playback.rate, distanceToGoal());
   if (hideCharacter) character.group.visible = false;
   stage.draw();

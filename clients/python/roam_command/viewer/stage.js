@@ -44,7 +44,7 @@ export class Stage {
   }
 
   addLights() {
-    this.scene.add(new THREE.HemisphereLight(0xf4f8ff, 0x9a8f84, 1.5));
+    this.scene.add(new THREE.HemisphereLight(0xf4f8ff, 0xb0a59a, 1.9));
     this.sun = new THREE.DirectionalLight(0xfff1dd, 2.6);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.setScalar(this.lean ? 768 : 2048);
@@ -142,9 +142,10 @@ export class Stage {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    // The panel covers the left of a wide window: the middle of the picture is the middle of what is left.
-    const covered = width > 820 ? 150 : 0;
-    this.camera.setViewOffset(width, height, -covered, 0, width, height);
+    // The panel covers the left of a wide window or the lower part of a narrow one: the middle of the picture is the
+    // middle of what is left.
+    const wide = width > 820;
+    this.camera.setViewOffset(width, height, wide ? -150 : 0, wide ? 0 : 0.2 * height, width, height);
   }
 
   draw() {
