@@ -116,11 +116,14 @@ def _outside(free: Mask, *, level: int, pitch: float) -> Mask:
     """Free nodes that are not enclosed. `level` is the last layer of nodes below the floor."""
     air = free.copy()
     air[:, : level + 1] = False
-    labels, _ = ndimage.label(air)
-    reached = np.unique(np.concatenate([labels[s].ravel() for s in _open_sides()]))
-    enclosed = air & ~np.isin(labels, reached[reached > 0])
-    enclosed |= _walled(air, ~free, level=level, pitch=pitch)
-    return free & ~enclosed
+    walled = _walled(air, ~free, level=level, pitch=pitch)
+    # What is behind walled nodes is cut off too: pockets between a hollow and its walls.
+    air &= ~walled
+    labels, count = ndimage.label(air)
+    reached = np.zeros(count + 1, dtype=bool)
+    for side in _open_sides():
+        reached[labels[side]] = True
+    return free & ~walled & ~(air & ~reached[labels])
 
 
 def _open_sides() -> list[tuple[slice | int, ...]]:
@@ -145,9 +148,11 @@ def _walled(air: Mask, wall: Mask, *, level: int, pitch: float) -> Mask:
     # An even window is off centre by one: the mirrored origin undoes it, so this is a true opening.
     opened = ndimage.maximum_filter(eroded, size=(3, run, 3), origin=(0, (run + 1) % 2 * -1, 0)).view(np.bool_)
     labels, count = ndimage.label(seen)
-    small = np.bincount(labels.ravel(), minlength=count + 1) * pitch**3 < _CREVICE
-    small[0] = False
-    return opened | small[labels]
+    kept = np.bincount(labels.ravel(), minlength=count + 1) * pitch**3 < _CREVICE
+    kept[labels[opened]] = True  # a high hollow is kept whole
+    kept[0] = False
+    walled: Mask = kept[labels]
+    return walled
 
 
 def _depth(outside: Mask, unsigned: Floats, radius: float, pitch: float) -> Floats:
