@@ -32,7 +32,9 @@ _BATCH = 16
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(prog="roam evaluate motion", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--objects", type=Path, action="append", required=True, help="folder of meshes; repeat for more")
+    parser.add_argument(
+        "--objects", type=Path, action="append", required=True, help="folder of meshes; repeat for more"
+    )
     parser.add_argument("--json", type=Path, help="write all figures here")
     parser.add_argument("--sheet", type=Path, help="write a contact sheet of the first takes here (PNG)")
     parser.add_argument("--approaches", type=int, default=50)
@@ -88,7 +90,11 @@ def step_time(animator: Animator, count: int, frames: int = 60) -> dict[str, flo
         states = [state for state, _ in animator.step(states, wishes)]
         walls.append(1000 * (time.perf_counter() - begin))
     spent = 1000 * (time.process_time() - before) / frames
-    return {"median": round(float(np.median(walls[5:])), 2), "best": round(min(walls[5:]), 2), "processor": round(spent, 2)}
+    return {
+        "median": round(float(np.median(walls[5:])), 2),
+        "best": round(min(walls[5:]), 2),
+        "processor": round(spent, 2),
+    }
 
 
 def write_sheets(path: Path, takes: list[Take]) -> None:
@@ -98,7 +104,9 @@ def write_sheets(path: Path, takes: list[Take]) -> None:
     for number, take in enumerate(takes[:4]):
         title = f"{number} {take.goal.name[:28]}"
         frame = figure.frame(torch.tensor(take.goal.pose.positions())[None])
-        motions[title] = frame.points_in(torch.tensor(take.positions.reshape(1, -1, 3))).numpy().reshape(take.positions.shape)
+        motions[title] = (
+            frame.points_in(torch.tensor(take.positions.reshape(1, -1, 3))).numpy().reshape(take.positions.shape)
+        )
         goals[title] = frame.points_in(torch.tensor(take.goal.pose.positions())[None])[0].numpy()
         roots[title] = motions[title][:, 0, [0, 2]]
         headings[title] = figure.facing(torch.tensor(motions[title])).numpy()

@@ -42,7 +42,9 @@ def make_goals(
         note = remembered / f"{item.name}-{action}.json" if remembered else None
         if note is None or not note.exists():
             if synthesizer is None:
-                synthesizer = Synthesizer.load(SynthesizerSettings(weights=weights) if weights else SynthesizerSettings())
+                synthesizer = Synthesizer.load(
+                    SynthesizerSettings(weights=weights) if weights else SynthesizerSettings()
+                )
             result = synthesizer.synthesize(shape, GoalPoseRequest(action=action))
             record = {"root_position": result.pose.root_position.tolist(), "rotations": result.pose.rotations.tolist()}
             if note is not None:

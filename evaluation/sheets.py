@@ -46,7 +46,12 @@ def contact_sheet(
 
 
 def _draw(
-    axis: "object", pose: np.ndarray, parents: tuple[int, ...], names: tuple[str, ...], view: int, goal: np.ndarray | None
+    axis: "object",
+    pose: np.ndarray,
+    parents: tuple[int, ...],
+    names: tuple[str, ...],
+    view: int,
+    goal: np.ndarray | None,
 ) -> None:
     plot = axis.plot  # type: ignore[attr-defined]
     across = 2 if view == 0 else 0
@@ -57,7 +62,9 @@ def _draw(
         for joint, parent in enumerate(parents):
             if parent < 0:
                 continue
-            colour = _LEFT if names[joint].startswith("left") else _RIGHT if names[joint].startswith("right") else _MIDDLE
+            colour = (
+                _LEFT if names[joint].startswith("left") else _RIGHT if names[joint].startswith("right") else _MIDDLE
+            )
             line = shape[[parent, joint]]
             plot(line[:, across] - centre, line[:, 1], color="#bbbbbb" if ghost else colour, lw=0.8 if ghost else 1.3)
     plot([-0.8, 0.8], [0, 0], color="#888888", lw=0.5)
@@ -67,7 +74,9 @@ def _draw(
     axis.axis("off")  # type: ignore[attr-defined]
 
 
-def top_view(path: Path, roots: dict[str, np.ndarray], directions: dict[str, np.ndarray], goals: dict[str, np.ndarray]) -> None:
+def top_view(
+    path: Path, roots: dict[str, np.ndarray], directions: dict[str, np.ndarray], goals: dict[str, np.ndarray]
+) -> None:
     """Draws root paths [T, 2] (x, z) with headings [T, 2] and goal roots [4] (x, z, direction) seen from above."""
     import matplotlib
 

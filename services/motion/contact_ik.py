@@ -72,7 +72,10 @@ def plant(
 
 
 def _within_reach(figure: Figure, wanted: Tensor, orientations: Tensor, locks: Tensor) -> Tensor:
-    """Whether each lock [B, 4] can be held by its leg from where the hips are going: else body and foot hold each other up."""
+    """Whether each lock [B, 4] can be held by its leg from where the hips are going.
+
+    Otherwise body and foot hold each other up for ever.
+    """
     thigh, shin, foot, toes = figure.legs.T
     length = figure.offsets[shin].norm(dim=-1) + figure.offsets[foot].norm(dim=-1) + _OVERREACH
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
@@ -167,7 +170,7 @@ def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) ->
 
 
 def _knees(start: Tensor, knee: Tensor, ankle: Tensor, forward: Tensor, lengths: tuple[Tensor, Tensor]) -> Tensor:
-    """Knee positions [B, 2, 3] for hip joints at `start` and ankles at `ankle`, bent to the side that they are bent to now.
+    """Knee positions [B, 2, 3] for hip joints at `start` and ankles at `ankle`, bent to the side that they bend to now.
 
     Exact also for straight legs, where the plane of the bones says nothing: there knees bend `forward`.
     """

@@ -176,8 +176,8 @@ def _aim(state: Control, intent: Intent, body: Body) -> Target | Steering:
         return Target(x, z, yaw, (float(centre[0]), float(centre[1]), yaw))
     if isinstance(intent, Steer):
         velocity = np.asarray(intent.velocity, float)
-        yaw = None if intent.facing is None else math.atan2(*map(float, intent.facing))
-        return Steering(float(velocity[0]), float(velocity[1]), yaw)
+        turn = None if intent.facing is None else math.atan2(*map(float, intent.facing))
+        return Steering(float(velocity[0]), float(velocity[1]), turn)
     assert isinstance(intent, Idle | Goal)
     return Steering(0.0, 0.0, None)
 

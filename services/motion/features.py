@@ -10,7 +10,7 @@ for accuracy after an hour's training instead of a week's:
 - goals are 13 root goals (place, direction) with one action, as the controller sets the action hard for all keys.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -31,10 +31,6 @@ class Goals:
     pose_positions: Tensor  # [B, J, 3] goal pose
     pose_orientations: Tensor  # [B, J, 3, 3]
     urgency: Tensor  # [B] 0..1: how much a late arrival is drawn to the goal pose (see blending); 0 in training
-
-    def rows(self, index: Tensor) -> "Goals":
-        """Some of the characters."""
-        return Goals(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
 
 @dataclass(frozen=True)

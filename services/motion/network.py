@@ -13,7 +13,8 @@ from torch.nn.functional import elu
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """Sizes. The paper has 10 experts of width 512 (13.7 M parameters); these are what two CPU cores train in an hour."""
+    """Sizes. The paper has 10 experts of width 512 (13.7 M parameters); these are what two CPU cores train in an
+    hour."""
 
     frame: int  # numbers that describe the character
     goal: int  # numbers that describe the goal
@@ -36,7 +37,8 @@ class Experts(nn.Module):
     def __init__(self, experts: int, inputs: int, outputs: int) -> None:
         super().__init__()
         bound = (6.0 / (inputs + outputs)) ** 0.5
-        # Experts start from one common matrix plus differences, so that a mixture starts at the scale of a single layer.
+        # Experts start from one common matrix plus differences, so that a mixture starts at the scale of a single
+        # layer.
         common = torch.empty(1, inputs, outputs).uniform_(-bound, bound)
         apart = torch.empty(experts, inputs, outputs).uniform_(-bound, bound)
         self.weight = nn.Parameter(common + 0.5 * apart)

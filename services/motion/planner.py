@@ -1,7 +1,8 @@
 """The planned root path of the next two seconds: the goals that the network follows in locomotion.
 
 A simulated root with smooth velocity and turning walks ahead of the character: straight at a target, round a disc where
-furniture stands, or at a wanted velocity. Plain Python numbers: two dozen small steps are quicker that way than as arrays.
+furniture stands, or at a wanted velocity. Plain Python numbers: two dozen small steps are quicker that way than as
+arrays.
 """
 
 import math
@@ -36,7 +37,8 @@ class Plan:
 
 @dataclass(frozen=True)
 class Target:
-    """Where to stand: place, yaw; `around` is the seat's centre (x, z) and the yaw of its open side, not to be walked through."""
+    """Where to stand: place, yaw; `around` is the seat's centre (x, z) and the yaw of its open side, not to be walked
+    through."""
 
     x: float
     z: float

@@ -1,7 +1,6 @@
 """A character between two frames: small, serialisable, and stackable into one batch."""
 
-import io
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -30,14 +29,12 @@ class Characters:
     settled: Tensor  # [B] how far the held pose has been drawn onto the goal pose, 0..1
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
 
-    def map(self, function: "callable") -> "Characters":  # type: ignore[valid-type]
-        """The same record with `function` applied to every tensor."""
-        return Characters(**{f.name: function(getattr(self, f.name)) for f in fields(self)})  # type: ignore[misc]
-
     @staticmethod
     def stack(states: "list[dict[str, np.ndarray]]") -> "Characters":
         """A batch from single characters' arrays."""
-        return Characters(**{f.name: torch.from_numpy(np.stack([s[f.name] for s in states])) for f in fields(Characters)})
+        return Characters(
+            **{f.name: torch.from_numpy(np.stack([s[f.name] for s in states])) for f in fields(Characters)}
+        )
 
 
 def phase_vector(phase: Tensor) -> Tensor:

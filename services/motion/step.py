@@ -61,7 +61,8 @@ class CharacterState:
             mode, since, waiting, lying = map(int, stored["control"])
             seat = None
             if "seat.root" in stored:
-                seat = Seat(*(stored[f"seat.{name}"] for name in _SEAT_FIELDS), lying=bool(lying))
+                positions, orientations, root, stand = (stored[f"seat.{name}"] for name in _SEAT_FIELDS)
+                seat = Seat(positions, orientations, root, stand, lying=bool(lying))
             plan = Plan(*map(float, stored["plan"]))
         return CharacterState(body, Control(plan, mode, seat, since, waiting))
 
@@ -81,7 +82,9 @@ class FrameData:
 class Animator:
     """Loaded weights; stateless between calls, so one serves every session."""
 
-    def __init__(self, figure: Figure, network: MotionNetwork, normaliser: Normaliser, starts: dict[str, Tensor]) -> None:
+    def __init__(
+        self, figure: Figure, network: MotionNetwork, normaliser: Normaliser, starts: dict[str, Tensor]
+    ) -> None:
         self.figure = figure
         self._network, self._normaliser, self._starts = network.eval(), normaliser.eval(), starts
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import torch
 from motion.contact_ik import plant
 from motion.state import Characters
@@ -16,7 +18,7 @@ def planted(figure, characters, before, wanted, contacts, seated=0.0):
         figure, characters, before, wanted, characters.orientations, contacts,
         seated=torch.tensor([seated]), floor=torch.ones(1),
     )  # fmt: skip
-    characters = characters.map(lambda t: t)
+    characters = replace(characters)
     characters.locks, characters.lock_weights = feet.locks, feet.weights
     characters.hips, characters.orientations = feet.hips, feet.orientations
     return characters, figure.positions(feet.hips, feet.orientations)

@@ -21,7 +21,11 @@ def test_widths_are_as_configured():
     figure, characters = standing()
     inputs, _, _ = encoded(figure, characters, goals_at(seated_pose(), 2, active=True))
     config = network_config(figure.joint_count)
-    assert (inputs.frame.shape[1], inputs.goal.shape[1], inputs.gating.shape[1]) == (config.frame, config.goal, config.gating)
+    assert (inputs.frame.shape[1], inputs.goal.shape[1], inputs.gating.shape[1]) == (
+        config.frame,
+        config.goal,
+        config.gating,
+    )
 
 
 def test_inputs_do_not_depend_on_where_the_world_is():

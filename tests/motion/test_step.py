@@ -6,7 +6,12 @@ from motion.step import Animator, CharacterState, Goal, Idle, Steer
 from standing import random_animator, seated_pose
 
 WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
-INTENTS = [Idle(), Steer(np.array([0.5, 0.5])), Goal(seated_pose(ahead=1.5)), Steer(np.array([0.0, -0.4]), np.array([0.0, 1.0]))]
+INTENTS = [
+    Idle(),
+    Steer(np.array([0.5, 0.5])),
+    Goal(seated_pose(ahead=1.5)),
+    Steer(np.array([0.0, -0.4]), np.array([0.0, 1.0])),
+]
 
 
 def played(animator, states, intents, frames=6):
@@ -37,7 +42,7 @@ def test_states_survive_serialisation_exactly():
     a, _ = played(animator, states, [Idle()])
     b, _ = played(animator, [again], [Idle()])
     assert a[0].to_bytes() == b[0].to_bytes()
-    with pytest.raises(ValueError, match="pickled|character state"):
+    with pytest.raises(ValueError, match=r"pickled|character state"):
         CharacterState.from_bytes(b"nonsense")
 
 
@@ -53,7 +58,9 @@ def test_bones_keep_their_lengths():
     skeleton = animator.figure.skeleton
     for row in shown[::7]:
         bones = row[0].positions[1:] - row[0].positions[list(skeleton.parents[1:])]
-        np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), np.linalg.norm(skeleton.rest_offsets[1:], axis=-1), atol=1e-4)
+        np.testing.assert_allclose(
+            np.linalg.norm(bones, axis=-1), np.linalg.norm(skeleton.rest_offsets[1:], axis=-1), atol=1e-4
+        )
 
 
 @pytest.mark.skipif(not WEIGHTS.exists(), reason="weights/motion.safetensors is not there: train or fetch it")

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from character.clip import Clip
-from character.kinematics import facing, forward_kinematics, limb, local_rotations, reach_with_limb
-from character.rotation import quat_inv, quat_mul, quat_nlerp, quat_slerp, yaw_direction
+from character.kinematics import facing, forward_kinematics, limb, reach_with_limb
+from character.rotation import quat_inv, quat_mul, quat_nlerp, quat_rotate, quat_slerp
 from character.skeleton import Skeleton
 
+from motion.figure import CONTACT_JOINTS
 from motion.state import FRAME_RATE
 from motion.training import labels
 from motion.training.goals import LEGS, Key, aligned, lying_goal, sitting_goal
@@ -80,7 +81,7 @@ def _stretches(mask: np.ndarray, shortest: int) -> list[tuple[int, int]]:
 def _labels(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     clip = recording.clip
     positions = clip.positions()
-    joints = clip.skeleton.indices(labels.CONTACT_JOINTS)
+    joints = clip.skeleton.indices(CONTACT_JOINTS)
     contacts = labels.find_contacts(positions, clip.frame_rate, joints)
     if recording.ankle_contacts is not None:
         contacts[:, [0, 2]] = recording.ankle_contacts
@@ -238,8 +239,6 @@ def _planted(
         target[:, 1] += lift * min(1.0, far / 0.05)
         posture = forward_kinematics(skeleton, bent.root_positions, rotations)
         ahead = np.broadcast_to([0.0, 0.0, 1.0], target.shape).astype(np.float32)
-        from character.rotation import quat_rotate
-
         bend = quat_rotate(posture.orientations[:, which.upper], ahead)
         legs = reach_with_limb(skeleton, which, posture, target.astype(np.float32), bend=bend)
         rotations[:, list(which)] = legs

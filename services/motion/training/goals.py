@@ -9,14 +9,13 @@ on the floor (leg IK), and a few degrees of noise in every joint. Lying goals ar
 from dataclasses import dataclass
 
 import numpy as np
-from character.kinematics import forward_kinematics, limb, reach_with_limb
+from character.kinematics import facing, forward_kinematics, limb, reach_with_limb
 from character.rotation import (
     angle_wrap,
     quat_from_rotvec,
     quat_from_yaw,
     quat_mul,
     quat_normalize,
-    quat_rotate,
     quat_slerp,
     yaw_direction,
 )
@@ -36,16 +35,18 @@ class Key:
     rotations: np.ndarray
 
 
+def _scalar(value: float) -> np.ndarray:
+    return np.asarray(value, np.float32)
+
+
 def key_yaw(skeleton: Skeleton, key: Key) -> float:
     """The yaw that a key pose faces [rad]."""
-    from character.kinematics import facing
-
     return float(facing(skeleton, forward_kinematics(skeleton, key.hips, key.rotations).positions))
 
 
 def at_origin(skeleton: Skeleton, key: Key) -> Key:
     """The key over the origin, facing +Z."""
-    turn = quat_from_yaw(np.float32(-key_yaw(skeleton, key)))
+    turn = quat_from_yaw(_scalar(-key_yaw(skeleton, key)))
     rotations = key.rotations.copy()
     rotations[0] = quat_mul(turn, rotations[0])
     return Key(np.array([0, key.hips[1], 0], np.float32), rotations)
@@ -54,7 +55,7 @@ def at_origin(skeleton: Skeleton, key: Key) -> Key:
 def placed(key: Key, yaw: float, hips: np.ndarray) -> Key:
     """An origin key turned to `yaw` with its hips over `hips` [2] (x, z)."""
     rotations = key.rotations.copy()
-    rotations[0] = quat_mul(quat_from_yaw(np.float32(yaw)), rotations[0])
+    rotations[0] = quat_mul(quat_from_yaw(_scalar(yaw)), rotations[0])
     return Key(np.array([hips[0], key.hips[1], hips[1]], np.float32), rotations)
 
 
@@ -71,12 +72,12 @@ def with_feet(skeleton: Skeleton, key: Key, targets: np.ndarray, foot_yaws: np.n
         which = limb(skeleton, name)
         posture = forward_kinematics(skeleton, key.hips, rotations)
         # Knees of a sitter point forward and up.
-        ahead = yaw_direction(np.float32(key_yaw(skeleton, key))) + np.array([0, 0.7, 0], np.float32)
+        ahead = yaw_direction(_scalar(key_yaw(skeleton, key))) + np.array([0, 0.7, 0], np.float32)
         rotations[list(which)] = reach_with_limb(skeleton, which, posture, targets[side], bend=ahead)
         if foot_yaws is not None:
             parent = forward_kinematics(skeleton, key.hips, rotations).orientations[which.lower]
             inverse = parent * np.array([-1, -1, -1, 1], np.float32)
-            rotations[which.end] = quat_mul(inverse, quat_from_yaw(np.float32(foot_yaws[side])))
+            rotations[which.end] = quat_mul(inverse, quat_from_yaw(_scalar(foot_yaws[side])))
             rotations[which.end + 1] = np.array([0, 0, 0, 1], np.float32)
     return Key(key.hips, quat_normalize(rotations))
 
@@ -139,11 +140,6 @@ def aligned(skeleton: Skeleton, goal: Key, key: Key, rng: np.random.Generator, *
     yaw = key_yaw(skeleton, key) + np.deg2rad(rng.normal() * (20 if far else 7))
     shift = rng.normal(size=2) * (0.10 if far else 0.03)
     anchor = ankles(skeleton, key).mean(0)[[0, 2]] if by_feet else key.hips[[0, 2]]
-    turned = placed(goal, float(angle_wrap(np.float32(yaw))), np.zeros(2))
+    turned = placed(goal, float(angle_wrap(_scalar(yaw))), np.zeros(2))
     own = ankles(skeleton, turned).mean(0)[[0, 2]] if by_feet else np.zeros(2)
     return placed(goal, float(yaw), anchor - own + shift)
-
-
-def turned(vectors: np.ndarray, yaw: float) -> np.ndarray:
-    """Vectors [..., 3] turned about +Y."""
-    return np.asarray(quat_rotate(np.broadcast_to(quat_from_yaw(np.float32(yaw)), (*vectors.shape[:-1], 4)), vectors))

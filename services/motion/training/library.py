@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from character.kinematics import forward_kinematics
 
 from motion.figure import Figure
 from motion.state import FRAME_RATE
 from motion.training.dataset import Dataset, build
 from motion.training.episodes import Episode, interaction, locomotion
 from motion.training.goals import Key, at_origin
-from motion.training.recordings import Recording, Span, read_folder
+from motion.training.recordings import Recording, read_folder
 
 _LEAST_HIPS = {"sit": 0.40, "lie": 0.30}  # [m] lower held hips are on the floor, not on furniture
 _VERSION = 3  # of the cached form
@@ -142,12 +141,3 @@ def _balanced(
         episodes += group
         weights += [shares[name] / max(frames, 1)] * len(group)
     return episodes, weights
-
-
-def stand_keys(figure: Figure, dataset: Dataset) -> list[int]:
-    """Frames of quiet standing: where a new character may start."""
-    still = (dataset.styles[:, 0] > 0.99) & (dataset.hips[:, 1] > 0.9)
-    return [int(i) for i in still.nonzero()[:, 0]]
-
-
-__all__ = ["LibraryConfig", "Span", "forward_kinematics", "load_library", "stand_keys"]

@@ -9,6 +9,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -30,9 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     torch.set_num_threads(1)
     run = json.loads((options.checkpoint.parent / "config.json").read_text())
     known = {f.name for f in fields(LibraryConfig)}
-    library = LibraryConfig(
-        **{k: tuple(v) if isinstance(v, list) else v for k, v in run["library"].items() if k in known}
-    )
+    kept: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in run["library"].items() if k in known}
+    library = LibraryConfig(**kept)
     figure = humanoid_figure()
     dataset, _, summary = load_library(figure, library, options.cache)
     path = options.weights / _KEY
