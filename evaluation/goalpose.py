@@ -34,13 +34,13 @@ _SYNTHESIZER: Synthesizer | None = None
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(prog="roam evaluate goalpose", description=__doc__.split("\n")[0])
-    parser.add_argument(
-        "--objects", type=Path, action="append", required=True, help="folder of meshes; repeat for more"
-    )
+    parser.add_argument("--objects", type=Path, action="append", default=[], help="folder of meshes; repeat for more")
     parser.add_argument("--json", type=Path, help="write all figures here")
     parser.add_argument("--sheet", type=Path, help="write contact sheets here (PNG; numbered when there are several)")
     parser.add_argument("--headings", type=int, default=12, help="initial headings to try each object from")
-    parser.add_argument("--held-out", action="store_true", help="of a training folder only what the field never saw")
+    parser.add_argument(
+        "--held-out", type=Path, action="append", default=[], help="training folder: only what field training left out"
+    )
     parser.add_argument("--categories", help="comma-separated, default all but beds")
     parser.add_argument("--limit", type=int, default=0, help="at most so many objects")
     parser.add_argument("--reference", help="reference pose id; default: chosen by fit")
@@ -91,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the evaluation; 0 when it ran, whatever the figures."""
     options = parse(argv)
     categories = set(options.categories.split(",")) if options.categories else None
-    objects = find_objects(options.objects, categories=categories, held_out=options.held_out)
+    objects = find_objects(options.objects, options.held_out, categories=categories)
     objects = objects[: options.limit or None]
     if not objects:
         print("no objects found; give a folder of .glb, .obj, .ply, .stl or .off files", file=sys.stderr)
@@ -113,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "plan": {
             k: str(v) if isinstance(v, Path) else v
             for k, v in vars(options).items()
-            if k not in ("json", "sheet", "objects")
+            if k not in ("json", "sheet", "objects", "held_out")
         },
         "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
         "minutes": round((time.time() - started) / 60, 1),

@@ -29,16 +29,18 @@ class EvaluationObject:
         return self.path.stem
 
 
-def find_objects(folders: Iterable[Path], *, categories: set[str] | None, held_out: bool) -> list[EvaluationObject]:
-    """Meshes of the folders by name; `held_out` keeps only those that field training left out."""
+def find_objects(
+    folders: Iterable[Path], held_out: Iterable[Path], *, categories: set[str] | None
+) -> list[EvaluationObject]:
+    """Meshes of `folders`, and of the training folders `held_out` those that field training left out; by name."""
     found = []
-    for folder in folders:
+    for folder, training in [*((f, False) for f in folders), *((f, True) for f in held_out)]:
         catalogue = read_catalogue(folder / "CATALOG.csv")
         for path in sorted(p for p in folder.iterdir() if p.suffix.lower() in EXTENSIONS):
             row = catalogue.get(path.name, {})
             category = row.get("category") or "unknown"
             wanted = category in categories if categories else category not in LEFT_OUT
-            if not wanted or (held_out and not is_held_out(path.name)):
+            if not wanted or (training and not is_held_out(path.name)):
                 continue
             height = row.get("seat_height_m")
             found.append(EvaluationObject(path, category, row.get("subtype", ""), float(height) if height else None))

@@ -23,6 +23,7 @@ GIVE = 0.012  # [m] how much flesh and cushion give everywhere
 NEAR = 0.15  # [m] from the object at which a descriptor counts half
 GROUP_WEIGHTS = {"support": 0.4, "lean": 0.3, "floor": 0.2, "arms": 0.1}
 _ARMS = ("UpperArm", "LowerArm", "Hand")
+_LEGS = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 
 
 def model_reference(
@@ -86,10 +87,9 @@ def reference_contacts(figure: Figure, body: BodyPoints, distance: DistanceGrid,
     names = figure.skeleton.humanoid_bones
     spheres = figure.attached(body.joint, body.offset)[0][near]
     upward = torch.nn.functional.normalize(spheres - touching, dim=-1)[:, 1] > 0.7
-    groups = [
-        "arms" if names[int(body.joint[i])].endswith(_ARMS) else "support" if up else "lean"
-        for i, up in zip(near, upward, strict=True)
-    ]
+    groups = [_contact_group(names[int(body.joint[i])], bool(up)) for i, up in zip(near, upward, strict=True)]
+    kept = torch.tensor([k for k, group in enumerate(groups) if group], dtype=torch.long)
+    near, touching, groups = near[kept], touching[kept], [group for group in groups if group]
     joint = body.joint[near]
     offset = _in_joint_frame(figure, joint, touching)
     soles = _soles(figure, floor_height)
@@ -98,6 +98,15 @@ def reference_contacts(figure: Figure, body: BodyPoints, distance: DistanceGrid,
     groups += ["floor"] * len(soles)
     weight = torch.tensor([GROUP_WEIGHTS[g] / groups.count(g) for g in groups])
     return Contacts(joint, offset, weight, torch.tensor([g == "floor" for g in groups]), tuple(groups))
+
+
+def _contact_group(bone: str, upward: bool) -> str:
+    """What a contact does for the body; "" when it does nothing, as a calf that brushes the seat's front."""
+    if bone.endswith(_ARMS):
+        return "arms"
+    if upward:
+        return "support"
+    return "" if bone.endswith(_LEGS) else "lean"
 
 
 def _soles(figure: Figure, floor_height: float) -> Tensor:

@@ -85,17 +85,13 @@ def best_after_trial(starts: Candidates, model: ReferenceModel, target: Target, 
 
 
 def reference_fit(ranked: Candidates) -> float:
-    """Energy of the best candidate without the descriptor.
+    """Energy of the best candidate with the descriptor at half its weight.
 
-    Descriptor residuals order the placements of one reference, but not references: around a bare bench descriptors are
-    blander than around an armchair, and smaller residuals say nothing of a better fit.
+    Descriptor residuals order the placements of one reference better than references: around a bare bench descriptors
+    are blander than around an armchair, and smaller residuals say less of a better fit.
     """
-    best = ranked.energy[0]
-    return (
-        float(best - ranked.terms["descriptor"][0])
-        if "descriptor" in ranked.terms and len(ranked.terms) > 4
-        else float(best)
-    )
+    descriptor = ranked.terms.get("descriptor")
+    return float(ranked.energy[0] if descriptor is None else ranked.energy[0] - 0.5 * descriptor[0])
 
 
 def refine(starts: Candidates, model: ReferenceModel, target: Target, config: SolverConfig, watch: Watch) -> Candidates:
