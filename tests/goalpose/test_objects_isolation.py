@@ -1,6 +1,7 @@
 import os
 import signal
 import struct
+import sys
 import threading
 from pathlib import Path
 
@@ -93,6 +94,7 @@ def test_time_is_bounded(chair_file):
         assert loader._readers[0]._process.returncode == -signal.SIGKILL
 
 
+@pytest.mark.skipif(sys.platform == "darwin", reason="macOS does not enforce RLIMIT_AS")
 def test_memory_is_bounded():
     """A file within the counts whose reading needs more than the process may have."""
     count = 400_000
@@ -110,6 +112,7 @@ def test_bytes_are_checked_before_a_reader_is_bothered():
         assert loader._readers[0]._process is None
 
 
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads the process's environment from /proc")
 def test_readers_get_no_secrets_and_end_with_the_loader(monkeypatch):
     monkeypatch.setenv("ROAM_API_KEY", "secret")
     with IsolatedLoader() as loader:
