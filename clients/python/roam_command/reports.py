@@ -1,6 +1,8 @@
 """What a command says: progress and warnings on stderr, the result on stdout, errors as sentences with a remedy."""
 
 import json
+import os
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
@@ -72,6 +74,10 @@ def reported(*, as_json: bool) -> Iterator[None]:
     except RoamError as error:
         _tell(error, as_json=as_json)
         raise typer.Exit(exit_code(error)) from error
+    except BrokenPipeError as error:
+        # Whoever read stdout (head, less) has enough; Python must not complain about it while it ends either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(Exit.DONE) from error
     except OSError as error:
         _tell(RoamError(str(error)), as_json=as_json)
         raise typer.Exit(Exit.FAILED) from error
