@@ -22,5 +22,5 @@ def test_snorm16_is_within_a_hundredth_of_a_degree():
 
 @pytest.mark.parametrize("unpack", [wire.unpack_float32, wire.unpack_snorm16])
 def test_cut_off_bytes_are_refused(unpack):
-    with pytest.raises(ValueError, match="bytes are not|reshape"):
+    with pytest.raises(ValueError, match=r"bytes are not|reshape"):
         unpack(b"\x00" * 15, (-1, 4))
