@@ -121,7 +121,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parse(argv)
     torch.set_num_threads(1)
     categories = set(options.categories.split(",")) if options.categories else None
-    objects = find_objects(options.objects, categories=categories, held_out=False)[: options.limit or None]
+    objects = find_objects(options.objects, categories=categories, held_out=())[: options.limit or None]
     goals = make_goals(objects, action=options.action, remembered=options.poses)
     if not goals:
         print("no usable objects found; give a folder of .glb, .obj, .ply, .stl or .off files")

@@ -26,6 +26,7 @@ _LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
 _ARRIVED = 0.14, math.radians(28)  # distance and heading from which the interaction may begin
 _CLOSE = 0.35, math.radians(60)  # good enough when no progress is made
 _PATIENCE = 45  # frames
+_BALANCED = 0.13  # [m] between hips and the middle of the feet, seen from above
 _UPRIGHT = 0.86  # [m] hips higher than this: standing
 _LATE = 75, 240  # frames after which sitting down, lying down should be over; then the goal pose draws ever more
 _URGENT = 60  # frames until it alone decides
@@ -60,12 +61,13 @@ class Control:
 
 @dataclass(frozen=True)
 class Body:
-    """What the controller looks at: root x, z, yaw, hip height [m]."""
+    """What the controller looks at: root x, z, yaw, hip height, and the middle of the ankles on the floor [m]."""
 
     x: float
     z: float
     yaw: float
     height: float
+    feet: tuple[float, float] | None = None  # None: under the root
 
 
 @dataclass(frozen=True)
@@ -132,11 +134,21 @@ def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple
     if state.mode == RISE and state.seat is not None:
         return state, _hold(state.seat.stand, ACTIONS.index("idle"), None)
     aim = _aim(state, intent, body)
-    plan = follow(state.plan, aim, body.x, body.z, body.yaw, 1 / FRAME_RATE)
+    x, z = _anchor(aim, body)
+    plan = follow(state.plan, aim, x, z, body.yaw, 1 / FRAME_RATE)
     places, directions = plan_keys(plan, aim)
     still = math.hypot(*(places[4] - places[0])) < 0.1 and float(directions[4] @ directions[0]) > 0.95
-    action = ACTIONS.index("idle" if still and math.hypot(plan.vx, plan.vz) < 0.15 else "walk")
+    # Off balance, or still under way: take a step.
+    feet = body.feet or (body.x, body.z)
+    still &= math.hypot(plan.vx, plan.vz) < 0.15 and math.hypot(feet[0] - body.x, feet[1] - body.z) < _BALANCED
+    action = ACTIONS.index("idle" if still else "walk")
     return replace(state, plan=plan), Command(places, directions, action, False)
+
+
+def _anchor(aim: Target | Steering, body: Body) -> tuple[float, float]:
+    """Where the plan belongs: at the root, but when standing still over the feet, or body and plan lean on each other."""
+    stands = isinstance(aim, Steering) and math.hypot(aim.vx, aim.vz) < 0.05
+    return body.feet if stands and body.feet is not None else (body.x, body.z)
 
 
 def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:

@@ -126,7 +126,7 @@ class Animator:
             return []
         controls, commands = [], []
         for state, intent in zip(states, intents, strict=True):
-            memory, command = control(self.figure, state.control, intent, _body(state))
+            memory, command = control(self.figure, state.control, intent, _body(self.figure, state))
             controls.append(memory)
             commands.append(command)
         characters = Characters.stack([state.body for state in states])
@@ -162,9 +162,11 @@ def _rows(characters: Characters) -> list[dict[str, np.ndarray]]:
     return [{name: array[i].copy() for name, array in arrays.items()} for i in range(len(arrays["hips"]))]
 
 
-def _body(state: CharacterState) -> Body:
+def _body(figure: Figure, state: CharacterState) -> Body:
     x, z, dx, dz = map(float, state.body["past"][-1, :4])
-    return Body(x, z, math.atan2(dx, dz), float(state.body["hips"][1]))
+    hips, orientations = (torch.from_numpy(state.body[name]) for name in ("hips", "orientations"))
+    feet = figure.positions(hips, orientations)[figure.contacts[[0, 2]]].mean(0)
+    return Body(x, z, math.atan2(dx, dz), float(state.body["hips"][1]), (float(feet[0]), float(feet[2])))
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:

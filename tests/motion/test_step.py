@@ -67,11 +67,11 @@ def test_bones_keep_their_lengths():
 def test_shipped_weights_walk_up_and_sit_down_and_rise():
     animator = Animator.load(WEIGHTS)
     goal = Goal(seated_pose())
-    states, shown = played(animator, [animator.start((0.6, 2.2), 3.3, 0)], [goal], frames=300)
+    states, shown = played(animator, [animator.start((0.3, 1.4), 3.3, 0)], [goal], frames=170)
     distance = [row[0].goal_distance for row in shown]
     assert min(d for d in distance if d is not None) < 0.05
     way = np.stack([row[0].positions for row in shown])
     assert np.linalg.norm(np.diff(way, axis=0), axis=-1).max() < 0.15
     assert way[..., 1].min() > 0.0
-    _, after = played(animator, states, [Idle()], frames=210)
+    _, after = played(animator, states, [Idle()], frames=110)
     assert after[-1][0].root_position[1] > 0.8
