@@ -30,6 +30,13 @@ react-planner (MIT), Babylon.js MeshesLibrary (CC BY 4.0); meshes made with the 
 No mesh is part of this repository."""
 
 
+LIMITS = """\
+Besides occupancy the decoder was asked for signed distance and for the place on the object (off the mirror plane, over
+the seat, to the front), which the paper does not do: descriptors then tell front from back. Known limits: thin legs,
+spindles and slats come out ragged (hence the low plain IoU of chairs, bar stools and loungers); loungers are the weakest
+kind; on stools the front means nothing; beds without a head board may be seen upside down."""
+
+
 def measure(field: Field, config: TrainingConfig) -> dict[str, Any]:
     """Quality on shapes never trained on; the occupancy threshold comes from training shapes."""
     sources, held_out = prepare(config)
@@ -42,9 +49,9 @@ def measure(field: Field, config: TrainingConfig) -> dict[str, Any]:
 
 
 def manifest_entry(
-    weights: Path, config: TrainingConfig, state: dict[str, Any], measured: dict[str, Any]
+    weights: Path, config: TrainingConfig, state: dict[str, Any], measured: dict[str, Any], notes: str
 ) -> dict[str, Any]:
-    """What `weights/manifest.json` says about the file."""
+    """What `weights/manifest.json` says about the file; `notes` are the run's own remarks."""
     recipe = {k: v for k, v in asdict(config).items() if k not in {"out", "data", "objects", "network"}}
     return {
         "file": NAME,
@@ -55,6 +62,7 @@ def manifest_entry(
         "steps": state["step"],
         "minutes": round(state["seconds"] / 60, 1),
         "measured": measured["quality"],
+        "notes": notes,
     }
 
 
@@ -77,6 +85,7 @@ def card_section(entry: dict[str, Any]) -> str:
     ]
     for name in (key for key in quality if key.startswith("held_out_")):
         lines += ["", f"{name.removeprefix('held_out_').capitalize()} shapes, held out:", "", *_table(quality[name])]
+    lines += ["", *LIMITS.splitlines(), *([""] if entry["notes"] else []), *entry["notes"].splitlines()]
     lines += ["", *CREDITS.splitlines(), ""]
     return "\n".join(lines)
 
@@ -107,7 +116,8 @@ def publish(run: Path, weights: Path) -> dict[str, Any]:
     shutil.copyfile(run / NAME, weights / NAME)
     config = read_config(run)
     state = torch.load(run / "checkpoint.pt", weights_only=True)
-    entry = manifest_entry(weights / NAME, config, state, measure(Field.load(weights / NAME), config))
+    notes = (run / "notes.md").read_text().strip() if (run / "notes.md").exists() else ""
+    entry = manifest_entry(weights / NAME, config, state, measure(Field.load(weights / NAME), config), notes)
     manifest_path, card_path = weights / "manifest.json", weights / "MODEL_CARD.md"
     manifest = json.loads(manifest_path.read_text()) if manifest_path.exists() else {}
     manifest[NAME] = entry
