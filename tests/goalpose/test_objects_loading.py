@@ -266,6 +266,13 @@ def test_pickled_arrays_are_never_loaded():
     assert "pickled" in _refused("OBJECT_MALFORMED", "content", stream.getvalue(), "npy").message
 
 
+@pytest.mark.parametrize("shape", [(-1, 3), (3, -1), (300,), (300, 2), (300, 3, 1), ()])
+def test_arrays_of_another_shape(shape):
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    _refused("OBJECT_MALFORMED", "content", stream.getvalue() + bytes(3600), "npy")
+
+
 def test_headers_that_promise_a_billion():
     npy = io.BytesIO()
     np.lib.format.write_array_header_1_0(npy, {"descr": "<f4", "fortran_order": False, "shape": (10**9, 3)})

@@ -47,7 +47,7 @@ def read_npy(data: bytes, limits: Limits) -> Geometry:
             message="The NPY file holds pickled Python objects, which are never loaded.",
             remedy="Save a plain array of floats: numpy.save(file, points.astype('float32')).",
         )
-    if dtype.kind not in "fiu" or len(shape) != 2 or shape[1] < 3:
+    if dtype.kind not in "fiu" or len(shape) != 2 or shape[0] < 0 or shape[1] < 3:
         raise malformed("npy", f"the array must be [N, 3] of numbers, not {shape} of {dtype}")
     check_counts(shape[0], 0, limits)
     body = data[stream.tell() :]

@@ -71,9 +71,9 @@ def pack_shape(shape: Shape) -> tuple[dict[str, Any], list[memoryview]]:
 
 
 def unpack_shape(head: Mapping[str, Any], parts: Sequence[bytes]) -> Shape:
-    """The inverse of `pack_shape`. The arrays are read-only views of the received bytes."""
+    """The inverse of `pack_shape`."""
     arrays = {
-        name: np.frombuffer(part, dtype=dtype).reshape(shape)
+        name: np.frombuffer(part, dtype=dtype).reshape(shape).copy()
         for (name, dtype, shape), part in zip(head["arrays"], parts, strict=True)
     }
     return Shape(
