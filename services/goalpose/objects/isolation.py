@@ -115,6 +115,7 @@ class _Reader:
         """Start the process without waiting for it."""
         if self._process is not None and self._process.poll() is None:
             return
+        self.kill()  # closes the pipes of one that died
         self._ready = False
         environment = {
             **{name: os.environ[name] for name in _PASSED_ON if name in os.environ},
