@@ -113,7 +113,9 @@ def load_synthesizer(plan: Plan) -> Synthesizer:
 def ablated(config: SolverConfig, terms: str) -> EnergyWeights:
     """All terms, the paper's without geometry, or geometry without descriptors."""
     if terms == "descriptor":
-        return replace(config.weights, contact=0.0, clearance=0.0, penetration=0.0, self_collision=0.0, gravity=0.0)
+        return replace(
+            config.weights, contact=0.0, clearance=0.0, symmetry=0.0, penetration=0.0, self_collision=0.0, gravity=0.0
+        )
     return replace(config.weights, descriptor=0.0) if terms == "geometry" else config.weights
 
 

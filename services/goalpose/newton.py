@@ -24,6 +24,7 @@ from goalpose.energy.gravity import UPRIGHT_JOINTS
 from goalpose.energy.penetration import penetration_pull
 from goalpose.energy.pull import Pull
 from goalpose.energy.self_collision import deepest_pairs
+from goalpose.energy.symmetry import symmetry_rows
 from goalpose.energy.total import ReferenceModel, Settings, Target, probe_weights
 
 LONGEST_SHIFT, LARGEST_TURN = 0.06, 0.25  # [m], [rad] in one step
@@ -74,6 +75,10 @@ def expand(figure: Figure, model: ReferenceModel, target: Target, settings: Sett
         energy, pull = clearance_pull(figure, model.body, target.distance, model.clearances)
         terms["clearance"] = w.clearance * energy
         pulls.append((w.clearance, pull))
+    if w.symmetry:
+        found = symmetry_rows(figure, model.body, target.distance, model.clearances, model.mirrored)
+        terms["symmetry"] = w.symmetry * found[0]
+        rows.append((w.symmetry**0.5 * found[1], w.symmetry**0.5 * found[2]))
     if w.gravity:
         rows.append(_weighted(terms, "gravity", w.gravity / len(UPRIGHT_JOINTS), *_gravity_rows(figure, model)))
     if w.self_collision:

@@ -14,15 +14,19 @@ from goalpose.energy.figure import Figure, figure_from_pose
 from goalpose.energy.gravity import gravity_directions
 from goalpose.energy.penetration import BodyPoints, body_points, penetration_depths
 from goalpose.energy.prior import canonical_positions
+from goalpose.energy.pull import SignedDistance
 from goalpose.energy.self_collision import collision_pairs, pair_depths
+from goalpose.energy.symmetry import mirrored_pairs
 from goalpose.energy.total import ReferenceModel
 from goalpose.objects import DistanceGrid
 from goalpose.references import ReferencePair
 
 GIVE = 0.012  # [m] how much flesh and cushion give everywhere
 NEAR = 0.15  # [m] from the object at which a descriptor counts half
+RIBS = 0.10  # [m] from the spine to the side of the back
 GROUP_WEIGHTS = {"support": 0.4, "lean": 0.3, "floor": 0.2, "arms": 0.1}
 _ARMS = ("UpperArm", "LowerArm", "Hand")
+_TRUNK = ("spine", "chest", "upperChest")
 _LEGS = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 
 
@@ -60,6 +64,7 @@ def model_reference(
         collision_allowance=pair_depths(figure, body, pairs)[0].clamp(min=0.0) + GIVE,
         limits=load_limits(skeleton),
         clearances=room,
+        mirrored=mirrored_pairs(skeleton, body),
         hip_height=height_above_surface(pair.shape.distance, figure.root_position[0]),
         floor_height=pair.shape.floor_height,
     )
@@ -73,7 +78,7 @@ def figure_of(pair: ReferencePair) -> Figure:
     )
 
 
-def height_above_surface(distance: DistanceGrid, point: Tensor, *, reach: float = 0.6) -> float:
+def height_above_surface(distance: SignedDistance, point: Tensor, *, reach: float = 0.6) -> float:
     """Height [m] of a point above the first surface straight below it, `reach` when there is none."""
     drops = torch.arange(0.0, reach, 0.004)
     column = point + torch.stack([0 * drops, -drops, 0 * drops], dim=-1)
@@ -92,12 +97,26 @@ def reference_contacts(figure: Figure, body: BodyPoints, distance: DistanceGrid,
     near, touching, groups = near[kept], touching[kept], [group for group in groups if group]
     joint = body.joint[near]
     offset = _in_joint_frame(figure, joint, touching)
+    joint, offset, groups = _widened(joint, offset, groups, names)
     soles = _soles(figure, floor_height)
     joint = torch.cat([joint, soles])
     offset = torch.cat([offset, _in_joint_frame(figure, soles, _dropped(figure.positions[0, soles], floor_height))])
     groups += ["floor"] * len(soles)
+    on_floor = torch.tensor([group == "floor" for group in groups])
+    rest = torch.where(on_floor, 0.0, distance.query(figure.attached(joint, offset))[0])
     weight = torch.tensor([GROUP_WEIGHTS[g] / groups.count(g) for g in groups])
-    return Contacts(joint, offset, weight, torch.tensor([g == "floor" for g in groups]), tuple(groups))
+    return Contacts(joint, offset, rest, weight, on_floor, tuple(groups))
+
+
+def _widened(
+    joint: Tensor, offset: Tensor, groups: list[str], names: tuple[str, ...]
+) -> tuple[Tensor, Tensor, list[str]]:
+    """Every contact of the trunk, whose capsules are thin, as two at the width of the ribs: they hold its heading."""
+    wide = [names[int(j)] in _TRUNK for j in joint]
+    count = torch.tensor([2 if w else 1 for w in wide])
+    side = torch.cat([torch.tensor([-RIBS, RIBS] if w else [0.0]) for w in wide]) if wide else torch.zeros(0)
+    moved = offset.repeat_interleave(count, 0) + side[:, None] * torch.tensor([1.0, 0.0, 0.0])
+    return joint.repeat_interleave(count), moved, [g for g, w in zip(groups, wide, strict=True) for _ in range(1 + w)]
 
 
 def _contact_group(bone: str, upward: bool) -> str:

@@ -1,10 +1,11 @@
 """The application object: an object and a request in, a goal pose with energies, diagnostics and warnings out."""
 
+import dataclasses
 import hashlib
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Lock
 
@@ -91,10 +92,10 @@ class Synthesizer:
     field: DescriptorField
     references: dict[str, ReferencePair]
     field_name: str = "field"
-    config: SolverConfig = field(default_factory=SolverConfig)
-    paper: PaperConfig = field(default_factory=PaperConfig)
-    _models: dict[tuple[str, int, int], ReferenceModel] = field(default_factory=dict)
-    _lock: Lock = field(default_factory=Lock)
+    config: SolverConfig = dataclasses.field(default_factory=SolverConfig)
+    paper: PaperConfig = dataclasses.field(default_factory=PaperConfig)
+    _models: dict[tuple[str, int, int], ReferenceModel] = dataclasses.field(default_factory=dict)
+    _lock: Lock = dataclasses.field(default_factory=Lock)
 
     @classmethod
     def load(cls, settings: SynthesizerSettings | None = None) -> "Synthesizer":

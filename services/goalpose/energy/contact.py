@@ -20,6 +20,7 @@ class Contacts:
 
     joint: Tensor  # [K]
     offset: Tensor  # [K, 3] in the joint's frame [m]
+    rest: Tensor  # [K] signed distance in the reference pair, about 0 [m]
     weight: Tensor  # [K], sums to at most 1; what is missing counts as missed, so that references compare
     on_floor: Tensor  # [K] bool: touches the floor rather than the object
     group: tuple[str, ...]  # [K] "support" (from below), "lean", "floor" or "arms"
@@ -47,7 +48,7 @@ def robust(residual: Tensor, scale: float) -> Tensor:
 def contact_misses(figure: Figure, contacts: Contacts, distance: SignedDistance, floor_height: float) -> Tensor:
     """Signed distance of every contact point to what it should touch. -> [B, K] [m]."""
     points = figure.attached(contacts.joint, contacts.offset)
-    return torch.where(contacts.on_floor, points[..., 1] - floor_height, distance.query(points))
+    return torch.where(contacts.on_floor, points[..., 1] - floor_height, distance.query(points) - contacts.rest)
 
 
 def find_contacts(
@@ -73,7 +74,7 @@ def contact_pull(
     value, normal = distance_and_normal(distance, points)
     up = torch.zeros_like(normal)
     up[..., 1] = 1.0
-    miss = torch.where(contacts.on_floor, points[..., 1] - floor_height, value)
+    miss = torch.where(contacts.on_floor, points[..., 1] - floor_height, value - contacts.rest)
     normal = torch.where(contacts.on_floor[:, None], up, normal)
     firm = contacts.weight * 2 * scale**2 / (miss.square() + scale**2).square()
     energy = 1.0 - contacts.weight.sum() + (contacts.weight * robust(miss, scale)).sum(-1)

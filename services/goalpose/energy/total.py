@@ -14,9 +14,11 @@ from goalpose.energy.descriptor import DescriptorField, Probes, descriptor_energ
 from goalpose.energy.figure import Figure
 from goalpose.energy.floor import floor_energy
 from goalpose.energy.gravity import gravity_energy
-from goalpose.energy.penetration import BodyPoints, SignedDistance, penetration_energy
+from goalpose.energy.penetration import BodyPoints, penetration_energy
 from goalpose.energy.prior import prior_energy
+from goalpose.energy.pull import SignedDistance
 from goalpose.energy.self_collision import self_collision_energy
+from goalpose.energy.symmetry import symmetry_energy
 from goalpose.energy.weights import EnergyWeights
 
 
@@ -35,6 +37,7 @@ class ReferenceModel:
     allowance: Tensor  # [body points] [m]
     contacts: Contacts
     clearances: Tensor  # [body points] [m]
+    mirrored: Tensor  # [2, M] left and right body points
     collision_pairs: Tensor  # [2, M]
     collision_allowance: Tensor  # [M] [m]
     limits: AngleLimits
@@ -87,6 +90,9 @@ def total_energy(
     if weights.clearance:
         energy = clearance_energy(figure, model.body, target.distance, model.clearances)
         terms["clearance"] = weights.clearance * energy
+    if weights.symmetry:
+        energy = symmetry_energy(figure, model.body, target.distance, model.clearances, model.mirrored)
+        terms["symmetry"] = weights.symmetry * energy
     if weights.gravity:
         terms["gravity"] = weights.gravity * gravity_energy(figure, model.gravity)
     if weights.self_collision:

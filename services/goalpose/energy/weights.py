@@ -18,6 +18,7 @@ class EnergyWeights:
     penetration: float = 0.0  # E_c, mean squared depth of capsules in the object [1/m^2]
     contact: float = 0.0  # E_s, mean robust miss of the reference's contacts [1]
     clearance: float = 0.0  # E_n, mean robust difference in distance to the object [1]
+    symmetry: float = 0.0  # E_b, mean robust difference of left and right in distance to the object [1]
     gravity: float = 0.0  # E_g, squared tilt of pelvis and chest against the reference [1/rad^2]
     self_collision: float = 0.0  # E_x, mean squared depth of capsules in each other [1/m^2]
 
@@ -39,6 +40,7 @@ DEFAULT = EnergyWeights(
     penetration=4000.0,
     contact=0.7,
     clearance=0.7,
+    symmetry=1.5,
     gravity=2.0,
     self_collision=50.0,
 )
