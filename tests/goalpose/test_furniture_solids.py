@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from goalpose.furniture.sheets import Prism, Sheet, Wall
+from goalpose.furniture.sheets import Prism, Sheet, Wall, smooth_curve
 from goalpose.furniture.solids import Box, Loft, Pillow, Solid, Tube, turn_x, turn_y, vector
 
 SOLIDS: dict[str, Solid] = {
@@ -15,10 +15,10 @@ SOLIDS: dict[str, Solid] = {
     "pillow": Pillow(half=vector(0.3, 0.08, 0.25), rotation=turn_y(0.5)),
     "tube": Tube(path=np.array([(0, 0, 0), (0.1, 0.3, 0.05)]), radius=0.03),
     "sheet": Sheet(
-        profile=np.array([(-0.3, 0.9), (-0.27, 0.7), (-0.2, 0.52), (0.2, 0.45)]),
+        profile=smooth_curve(np.array([(-0.3, 0.9), (-0.27, 0.7), (-0.2, 0.52), (0.2, 0.45)]), count=20),
         thickness=0.02,
-        half_width=np.full(4, 0.22),
-        bend=np.full(4, 0.02),
+        half_width=np.full(20, 0.22),
+        bend=np.full(20, 0.02),
     ),
     "prism": Prism(outline=np.array([(0, 0), (0.4, 0), (0.4, 0.2), (0.1, 0.3), (0.0, 0.5)]), half_width=0.1),
     "wall": Wall(radius=vector(0.3, 0.25), thickness=0.05, sweep=1.7, bottom=0.1, top=vector(0.8, 0.6), lean=0.1),

@@ -33,8 +33,8 @@ No mesh is part of this repository."""
 LIMITS = """\
 Besides occupancy the decoder was asked for signed distance and for the place on the object (off the mirror plane, over
 the seat, to the front), which the paper does not do: descriptors then tell front from back. Known limits: thin legs,
-spindles and slats come out ragged (hence the low plain IoU of chairs, bar stools and loungers); loungers are the weakest
-kind; on stools the front means nothing; beds without a head board may be seen upside down."""
+spindles and slats come out ragged (hence the low plain IoU of chairs, bar stools and loungers); loungers are the
+weakest kind; on stools the front means nothing; beds without a head board may be seen upside down."""
 
 
 def measure(field: Field, config: TrainingConfig) -> dict[str, Any]:
