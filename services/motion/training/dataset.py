@@ -126,7 +126,19 @@ def build(figure: Figure, episodes: list[Episode], weights: list[float]) -> Data
     for episode, weight in zip(episodes, weights, strict=True):
         parts.append(_part(figure, episode, weight, start, goal_start))
         start, goal_start = start + len(episode.clip), goal_start + len(episode.goals)
+    if goal_start == 0:  # only walking: one row that nothing points to
+        parts.append(dict.fromkeys((f.name for f in fields(Dataset)), torch.zeros(0)) | _no_goal(figure))
     return Dataset(**{f.name: torch.cat([p[f.name] for p in parts if len(p[f.name])]) for f in fields(Dataset)})
+
+
+def _no_goal(figure: Figure) -> dict[str, Tensor]:
+    orientations = torch.eye(3).expand(1, figure.joint_count, 3, 3)
+    return {
+        "goal_positions": figure.positions(torch.zeros(1, 3), orientations),
+        "goal_orientations": orientations,
+        "goal_root": torch.tensor([[0.0, 0.0, 0.0, 1.0]]),
+        "goal_active": torch.zeros(1),
+    }
 
 
 def _part(figure: Figure, episode: Episode, weight: float, start: int, goal_start: int) -> dict[str, Tensor]:

@@ -1,0 +1,139 @@
+import json
+
+import numpy as np
+import pytest
+import torch
+from character.clip import Clip
+from character.formats.bvh import write_bvh
+from character.pose import rest_pose
+from character.rotation import quat_slerp
+from character.skeleton import humanoid_skeleton
+from motion.features import encode_targets
+from motion.figure import humanoid_figure
+from motion.training import labels, motion
+from motion.training.dataset import build
+from motion.training.episodes import interaction, locomotion
+from motion.training.expert import returning
+from motion.training.goals import Key, ankles, sitting_goal
+from motion.training.library import LibraryConfig, load_library
+from motion.training.recordings import Recording, Span, read_folder
+from standing import seated_pose
+
+FIGURE = humanoid_figure()
+
+
+def sitting_clip(rate=24.0):
+    """Stands 3 s, sits down in 1 s, sits 2 s, stands up in 1 s, stands 3 s."""
+    share = np.concatenate([np.zeros(72), np.linspace(0, 1, 24), np.ones(48), np.linspace(1, 0, 24), np.zeros(72)])
+    share = (share * share * (3 - 2 * share)).astype(np.float32)[:, None]
+    stand, sit = rest_pose(humanoid_skeleton()), seated_pose(ahead=-0.35)
+    rotations = quat_slerp(
+        np.broadcast_to(stand.rotations, (240, 22, 4)), np.broadcast_to(sit.rotations, (240, 22, 4)), share[..., None]
+    )
+    roots = stand.root_position * (1 - share) + sit.root_position * share
+    return Clip(humanoid_skeleton(), rate, roots.astype(np.float32), rotations.astype(np.float32))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of BVH without any table, one file of it useless."""
+    (tmp_path / "bvh").mkdir()
+    for number in range(2):
+        write_bvh(tmp_path / "bvh" / f"{number}.bvh", sitting_clip())
+    (tmp_path / "bvh" / "broken.bvh").write_text("HIERARCHY nothing")
+    return tmp_path / "bvh"
+
+
+def test_a_sit_is_found_without_tables_and_bad_files_are_named(folder):
+    recordings, rejects = read_folder(folder, humanoid_skeleton())
+    assert [r.path.name for r in rejects] == ["broken.bvh"]
+    span = recordings[0].spans[0]
+    assert span.action == "sit"
+    assert 60 <= span.down <= 96 <= span.first + 12
+    assert 130 <= span.last <= 150
+    assert 150 <= span.up <= 180
+
+
+def test_contacts_have_hysteresis_and_phase_advances():
+    clip = sitting_clip(30.0)
+    contacts = labels.find_contacts(clip.positions(), 30.0, humanoid_skeleton().indices(labels.CONTACT_JOINTS))
+    assert contacts[:60].all()
+    phase = labels.find_phase(contacts, 30.0)
+    assert (np.diff(phase) > 0).all()
+    assert np.diff(phase).max() * 30 < 2.0
+    soft = labels.soft_actions(["walk"] * 30 + ["sit-down"] * 30, 30.0)
+    np.testing.assert_allclose(soft.sum(1), 1, atol=1e-5)
+    assert 0.3 < soft[30, 2] < 0.7
+
+
+def recording():
+    clip = sitting_clip().resampled(30.0)
+    spans = tuple(Span(*span) for span in labels.find_spans(clip))
+    return Recording("made/up", clip, None, None, spans)
+
+
+def test_an_interaction_holds_its_new_goal_and_its_feet_do_not_slide():
+    made, rng = recording(), np.random.default_rng(1)
+    bank = [Key(p.root_position, p.rotations) for p in (seated_pose(), seated_pose(0.5))]
+    for _ in range(3):
+        episode = interaction(made, made.spans[0], {"sit": bank}, rng)
+        goal = episode.goals[0][0]
+        held = np.linalg.norm(episode.clip.root_positions - goal.hips, axis=-1)
+        assert held.min() < 0.01
+        assert (episode.intent[episode.goal == 0] == 2).all()
+        positions = episode.clip.positions()
+        assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.15
+        feet = positions[:, FIGURE.contacts.numpy()[[0, 2]]][..., [0, 2]]
+        planted = episode.contacts[1:, [0, 2]] & episode.contacts[:-1, [0, 2]]
+        assert np.linalg.norm(np.diff(feet, axis=0), axis=-1)[planted].mean() < 0.004
+
+
+def test_sitting_goals_vary_and_keep_their_feet_on_the_floor():
+    rng = np.random.default_rng(0)
+    bank = [Key(p.root_position, p.rotations) for p in (seated_pose(), seated_pose(0.5))]
+    goals = [sitting_goal(humanoid_skeleton(), bank, rng) for _ in range(12)]
+    heights = [float(g.hips[1]) for g in goals]
+    assert max(heights) - min(heights) > 0.1
+    assert np.abs(np.stack([ankles(humanoid_skeleton(), g)[:, 1] for g in goals]) - 0.08).max() < 0.03
+
+
+def test_the_expert_asks_for_the_data_when_on_the_track_and_returns_to_it_when_off():
+    made = recording()
+    dataset = build(FIGURE, locomotion(made, humanoid_skeleton()), [1.0] * 2)
+    at = torch.tensor([20])
+    truth, ahead = dataset.characters(FIGURE, at), dataset.targets(FIGURE, at)
+    positions = FIGURE.positions(truth.hips, truth.orientations)
+    exact = returning(FIGURE, truth, positions, truth, ahead)
+    torch.testing.assert_close(exact.positions, ahead.positions, atol=1e-4, rtol=0)
+    torch.testing.assert_close(exact.orientations, ahead.orientations, atol=1e-3, rtol=0)
+    off = dataset.characters(FIGURE, at)
+    off.hips = off.hips + torch.tensor([[0.3, 0.0, 0.0]])
+    moved = FIGURE.positions(off.hips, off.orientations)
+    back = returning(FIGURE, off, moved, truth, ahead)
+    assert 0.0 < float((moved[:, 0] - back.positions[:, 0])[0, 0]) < 0.05
+    goals, root = dataset.goals(at), FIGURE.frame(moved)
+    assert torch.isfinite(encode_targets(FIGURE, off, goals, moved, root, back)).all()
+
+
+def test_training_runs_stops_and_resumes(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("motion.training.validation._CHARACTERS", 2)
+    monkeypatch.setattr("motion.training.validation._FRAMES", 4)
+    common = ["--bvh", str(folder), "--out", str(tmp_path / "run"), "--cache", str(tmp_path / "cache")]
+    small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]
+    assert motion.main([*common, *small, "--minutes", "0.02", "--export", str(tmp_path / "w.safetensors")]) == 0
+    first = torch.load(tmp_path / "run" / "latest.pt", weights_only=True)["updates"]
+    assert first > 0
+    assert (tmp_path / "w.safetensors").exists()
+    assert json.loads((tmp_path / "run" / "config.json").read_text())["batch"] == 8
+    assert motion.main([*common, *small, "--minutes", "0.04", "--resume"]) == 0
+    assert torch.load(tmp_path / "run" / "latest.pt", weights_only=True)["updates"] > first
+    assert "resuming" in capsys.readouterr().out
+    assert motion.main(["--bvh", str(tmp_path / "nowhere")]) == 2
+
+
+def test_the_library_is_cached(folder, tmp_path):
+    config = LibraryConfig(folders=(str(folder),), goals_per_sit=2)
+    first, _, report = load_library(FIGURE, config, tmp_path / "cache")
+    again, _, _ = load_library(FIGURE, config, tmp_path / "cache")
+    torch.testing.assert_close(first.hips, again.hips)
+    assert report["rejects"][0]["file"] == "broken.bvh"
