@@ -35,7 +35,7 @@ def test_seat_points_lie_on_the_seat_with_room_above(category: str) -> None:
     """Free 12 cm above the point, solid within 12 cm below it or beside it (slats have gaps, cushions are soft)."""
     good = []
     for piece in pieces(category):
-        free = ~piece.occupancy(piece.seats + [0, 0.12, 0])
+        free = ~piece.occupancy(piece.seats + np.array([0, 0.12, 0]))
         steps = np.stack(np.meshgrid([-0.06, 0, 0.06], np.linspace(-0.12, -0.002, 13), [-0.06, 0, 0.06]), -1)
         below = piece.seats[:, None] + steps.reshape(-1, 3)
         solid = piece.occupancy(below.reshape(-1, 3)).reshape(len(piece.seats), -1).any(-1)

@@ -39,7 +39,7 @@ def seat_plate(
 
 def _slatted(dice: Dice, hx: float, hz: float, top: float, thickness: float, tilt: float) -> list[Solid]:
     count, fill = dice.count(3, 9), dice.between(0.6, 0.92)
-    across, turn = dice.chance(0.6), turn_x(tilt)
+    across, turn = dice.chance(0.6) or hx > 1.5 * hz, turn_x(tilt)  # on benches, boards run along the bench
     length = hz if across else hx
     solids: list[Solid] = []
     for middle in (np.arange(count) + 0.5) / count * 2 * length - length:
