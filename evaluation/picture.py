@@ -32,7 +32,7 @@ class Splats:
     colours: Array  # [N, 3] in 0..1
 
 
-def object_splats(vertices: Array, faces: Array, *, count: int = 120_000, seed: int = 0) -> Splats:
+def object_splats(vertices: Array, faces: npt.NDArray[np.integer], *, count: int = 120_000, seed: int = 0) -> Splats:
     """Uniform samples of a triangle mesh. `vertices` [V, 3], `faces` [F, 3]."""
     corners = vertices[faces.astype(np.int64)]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

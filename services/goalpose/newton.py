@@ -18,6 +18,7 @@ from goalpose.energy.chain import point_motion
 from goalpose.energy.clearance import clearance_pull
 from goalpose.energy.contact import contact_pull
 from goalpose.energy.descriptor import descriptor_pull
+from goalpose.energy.facing import facing_rows
 from goalpose.energy.figure import Figure, figure_from_pose
 from goalpose.energy.floor import floor_pull
 from goalpose.energy.gravity import UPRIGHT_JOINTS
@@ -79,6 +80,8 @@ def expand(figure: Figure, model: ReferenceModel, target: Target, settings: Sett
         found = symmetry_rows(figure, model.body, target.distance, model.clearances, model.mirrored)
         terms["symmetry"] = w.symmetry * found[0]
         rows.append((w.symmetry**0.5 * found[1], w.symmetry**0.5 * found[2]))
+    if w.facing:
+        rows.append(_weighted(terms, "facing", w.facing, *facing_rows(figure, model.front, target.front)))
     if w.gravity:
         rows.append(_weighted(terms, "gravity", w.gravity / len(UPRIGHT_JOINTS), *_gravity_rows(figure, model)))
     if w.self_collision:

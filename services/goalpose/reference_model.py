@@ -10,6 +10,7 @@ from goalpose.energy.angle_limit import load_limits
 from goalpose.energy.clearance import clearances
 from goalpose.energy.contact import Contacts, find_contacts
 from goalpose.energy.descriptor import DescriptorField, make_probes, pose_descriptor
+from goalpose.energy.facing import front_seen_by_pelvis
 from goalpose.energy.figure import Figure, figure_from_pose
 from goalpose.energy.gravity import gravity_directions
 from goalpose.energy.penetration import BodyPoints, body_points, penetration_depths
@@ -54,6 +55,7 @@ def model_reference(
         figure=figure,
         canonical=canonical_positions(figure)[0],
         gravity=gravity_directions(figure)[0],
+        front=front_seen_by_pelvis(figure, field.front(latent)[0]),
         probes=probes,
         descriptors=descriptors,
         nearness=1.0 / (1.0 + (apart.clamp(min=0.0) / NEAR).square()),

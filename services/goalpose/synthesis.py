@@ -124,7 +124,7 @@ class Synthesizer:
         watch.tell(lambda: Progress(0, 0, self.config.iterations, 0.0, None))
         with torch.no_grad():
             latent = self.field.encode(torch.as_tensor(shape.points[:ENCODER_POINTS])[None])
-        target = Target(self.field, latent, shape.distance, shape.floor_height)
+        target = Target(self.field, latent, shape.distance, shape.floor_height, self.field.front(latent)[0])
         solve = self._solve_paper if request.solver == "paper" else self._solve_default
         pair, found = solve(shape, target, pairs, request, watch)
         return self._result(shape, target, pair, found, request, time.perf_counter() - started)

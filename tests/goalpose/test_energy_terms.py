@@ -38,7 +38,7 @@ def test_no_term_objects_to_the_reference_on_its_own_object(term):
     assert float(energy) == pytest.approx(missing, abs=0.02)  # the grid rounds edges off
 
 
-@pytest.mark.parametrize("term", ["descriptor", "prior", "contact", "clearance", "gravity"])
+@pytest.mark.parametrize("term", ["descriptor", "prior", "contact", "clearance", "facing", "gravity"])
 def test_terms_grow_when_the_pose_is_shaken(term):
     still, _ = total_energy(model("chair_sit").figure, model("chair_sit"), target_of("chair_sit"), only(term))
     wrong, _ = total_energy(shaken(), model("chair_sit"), target_of("chair_sit"), only(term))

@@ -11,6 +11,7 @@ from goalpose.energy.angle_limit import AngleLimits, angle_limit_energy
 from goalpose.energy.clearance import clearance_energy
 from goalpose.energy.contact import Contacts, contact_energy
 from goalpose.energy.descriptor import DescriptorField, Probes, descriptor_energy, pose_descriptor
+from goalpose.energy.facing import facing_energy
 from goalpose.energy.figure import Figure
 from goalpose.energy.floor import floor_energy
 from goalpose.energy.gravity import gravity_energy
@@ -30,6 +31,7 @@ class ReferenceModel:
     figure: Figure  # [1, ...] the reference pose
     canonical: Tensor  # [J, 3] joint positions without root transform
     gravity: Tensor  # [3, 3]
+    front: Tensor  # [3] the front of the reference object in the pelvis frame, as long as it is clear
     probes: Probes
     descriptors: Tensor  # [P, D]
     nearness: Tensor  # [P] 1 at the reference object, falling with distance: far descriptors say little
@@ -53,6 +55,7 @@ class Target:
     latent: Any
     distance: SignedDistance
     floor_height: float
+    front: Tensor  # [3] the front as the field sees it, as long as it is clear
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,8 @@ def total_energy(
     if weights.symmetry:
         energy = symmetry_energy(figure, model.body, target.distance, model.clearances, model.mirrored)
         terms["symmetry"] = weights.symmetry * energy
+    if weights.facing:
+        terms["facing"] = weights.facing * facing_energy(figure, model.front, target.front)
     if weights.gravity:
         terms["gravity"] = weights.gravity * gravity_energy(figure, model.gravity)
     if weights.self_collision:

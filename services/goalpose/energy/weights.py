@@ -19,6 +19,7 @@ class EnergyWeights:
     contact: float = 0.0  # E_s, mean robust miss of the reference's contacts [1]
     clearance: float = 0.0  # E_n, mean robust difference in distance to the object [1]
     symmetry: float = 0.0  # E_b, mean robust difference of left and right in distance to the object [1]
+    facing: float = 0.0  # E_o, squared difference of the fronts of reference and target [1]
     gravity: float = 0.0  # E_g, squared tilt of pelvis and chest against the reference [1/rad^2]
     self_collision: float = 0.0  # E_x, mean squared depth of capsules in each other [1/m^2]
 
@@ -41,6 +42,7 @@ DEFAULT = EnergyWeights(
     contact=0.7,
     clearance=0.7,
     symmetry=1.5,
+    facing=0.5,
     gravity=2.0,
     self_collision=50.0,
 )

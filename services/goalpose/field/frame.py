@@ -7,12 +7,21 @@ linear in the query for an object that stands somewhere, turned somehow; the gra
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from goalpose.field.field import Field
+from goalpose.field.decoder import Answer
 from goalpose.field.latent import Latent
+
+
+class Answering(Protocol):
+    """What is asked of the field."""
+
+    def answer(self, latent: Latent, queries: Tensor) -> Answer:
+        """Occupancy, distance and place of queries `[B, Q, 3]`."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +43,7 @@ MIXES = (-0.3, -0.15, 0.15, 0.5)
 
 
 @torch.no_grad()
-def estimate_frame(field: Field, latent: Latent) -> ObjectFrame:
+def estimate_frame(field: Answering, latent: Latent) -> ObjectFrame:
     """Fits the decoder's places, asked between and around the anchors, with linear functions of the query."""
     anchors = latent.anchors
     mixed = [anchors + mix * (anchors.roll(k + 1, 1) - anchors) for k, mix in enumerate(MIXES)]
