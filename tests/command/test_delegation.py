@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 COMMANDS = {
     ("train", "field"): "goalpose.training.field",
     ("train", "motion"): "motion.training.motion",
+    ("evaluate", "field"): "goalpose.training.evaluate_field",
     ("evaluate", "goalpose"): "evaluation.goalpose",
     ("evaluate", "motion"): "evaluation.motion",
 }

@@ -1,8 +1,13 @@
-"""`roam evaluate goalpose|motion`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion`: quality and speed on a folder of objects."""
 
 import typer
 
 from roam_command.delegation import delegate
+
+
+def field(context: typer.Context) -> None:
+    """Occupancy of the descriptor field on shapes it never saw (`--help` lists its options)."""
+    delegate("goalpose.training.evaluate_field", context.args, name="roam evaluate field")
 
 
 def goalpose(context: typer.Context) -> None:

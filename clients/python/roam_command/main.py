@@ -30,6 +30,7 @@ train_app.command("motion", context_settings=PASS_ON)(train.motion)
 app.add_typer(train_app, name="train")
 
 evaluate_app = typer.Typer(no_args_is_help=True, help="Measure quality and speed; results as tables and JSON.")
+evaluate_app.command("field", context_settings=PASS_ON)(evaluate.field)
 evaluate_app.command("goalpose", context_settings=PASS_ON)(evaluate.goalpose)
 evaluate_app.command("motion", context_settings=PASS_ON)(evaluate.motion)
 app.add_typer(evaluate_app, name="evaluate")
