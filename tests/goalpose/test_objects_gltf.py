@@ -87,7 +87,16 @@ def test_brackets_in_names_are_not_depth():
 
 
 @pytest.mark.parametrize(
-    "text", [b"[]", b"{", b"null", b'{"accessors": 5}', b'{"meshes": [{"primitives": 1}]}', b"\xff\xfe{}"]
+    "text",
+    [
+        b"[]",
+        b"{",
+        b"null",
+        b'{"accessors": 5}',
+        b'{"meshes": [{"primitives": 1}]}',
+        b'{"accessors": [{"count": 1e999}]}',
+        b"\xff\xfe{}",
+    ],
 )
 def test_json_of_the_wrong_kind(text):
     assert _refused(_glb(text, b"")) in ("OBJECT_MALFORMED", "OBJECT_EMPTY")

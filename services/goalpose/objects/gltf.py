@@ -45,7 +45,7 @@ def check_gltf(data: bytes, format: str, limits: Limits) -> bytes:
         if format == "gltf":
             raise _unsupported("has quantized positions (KHR_mesh_quantization) in a .gltf; only GLB may have them")
         return with_float_positions(data, document, quantized)
-    except (TypeError, AttributeError, KeyError, IndexError, ValueError, struct.error) as error:
+    except (TypeError, AttributeError, LookupError, ValueError, OverflowError, struct.error) as error:
         if isinstance(error, ObjectError):
             raise
         raise malformed(format, f"its JSON has the wrong structure ({type(error).__name__})") from error

@@ -26,7 +26,7 @@ Mask = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.integer]
 Corner = npt.NDArray[np.float64]
 
-_NODE_BUDGET = 450_000  # decides the pitch: more would cost more than 0.2 s on one core
+_NODE_BUDGET = 400_000  # decides the pitch, and with it most of the time that loading takes
 _FINEST, _COARSEST = 0.0125, 0.03  # [m]
 _PAD = 0.15  # [m] of free nodes around the box
 _HOLE = 1.25  # [spacings] at random, one disc of this radius in 10^5 has no sample; larger holes are openings
@@ -142,6 +142,8 @@ def _walled(air: Mask, wall: Mask, *, level: int, pitch: float) -> Mask:
     for layer in range(level + 1 + round(_DEEPEST_UNDERSIDE / pitch), seen.shape[1]):
         seen[:, layer] &= below
         below = seen[:, layer] | wall[:, layer]
+    if not seen.any():
+        return seen
     seen = ndimage.minimum_filter(ndimage.maximum_filter(seen, size=3), size=3) & air
     run = max(2, round(_MIN_HOLLOW / pitch))
     eroded = ndimage.minimum_filter(seen.view(np.uint8), size=(3, run, 3))
@@ -170,7 +172,8 @@ def _depth(outside: Mask, unsigned: Floats, radius: float, pitch: float) -> Floa
 
 def _padding(depth: Floats, nearest: Ints, pitch: float) -> Floats:
     """What to take off the distance so that sheets are at least a centimetre thick and visible on the grid [m]."""
-    half = max(0.005, 0.5 * pitch)
+    # A sheet midway between nodes reads 0.5 pitch less this.
+    half = max(0.005, 0.65 * pitch)
     missing = np.clip(half - ndimage.maximum_filter(depth, size=3), 0.0, half)
     padding: Floats = missing.ravel()[nearest].astype(np.float32)
     return padding
