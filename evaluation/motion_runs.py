@@ -11,7 +11,7 @@ from motion.step import Animator, CharacterState, FrameData, Goal, Idle
 from evaluation.motion_goals import SeatGoal
 
 APPROACH = 300  # frames until the goal must be reached (paper, 4.2)
-LEAVE = 150  # frames to stand up in
+LEAVE = {"sit": 150, "lie": 330}  # frames to stand up in
 REACHED = 0.05  # [m] mean joint distance (issue 2)
 _UPRIGHT = 0.86  # [m] hips
 
@@ -76,7 +76,8 @@ def run(animator: Animator, goals: list[SeatGoal], starts: list[Start], *, frame
     states: list[CharacterState] = [animator.start((s.x, s.z), s.heading, s.seed) for s in starts]
     wishes = [Goal(g.pose, g.action, g.approach) for g in goals]
     shown: list[list[FrameData]] = []
-    for t in range(frames + LEAVE):
+    leave = max(LEAVE[goal.action] for goal in goals)
+    for t in range(frames + leave):
         pairs = animator.step(states, wishes if t < frames else [Idle()] * len(goals))
         states = [state for state, _ in pairs]
         shown.append([frame for _, frame in pairs])
@@ -136,8 +137,8 @@ def slide_per_contact(figure: Figure, take: Take) -> tuple[float, float]:
 
 def deepest(figure: Figure, take: Take, until: int, *, every: int = 3) -> float:
     """Deepest point of the body's capsule axes in the object, plus radius [m], up to frame `until`; hips and thighs
-    aside,
-    which rest on the seat. Joint orientations are not needed: a capsule's axis runs along the bone to its child joint.
+    aside, which rest on the seat. Joint orientations are not needed: a capsule's axis runs along the bone to its child
+    joint.
     """
     import torch
 

@@ -1,8 +1,7 @@
 """Shaded pictures of an object with a capsule body in it: a software point splatter, quick enough for contact sheets.
 
 Surfaces are sampled densely, lit by one lamp and splatted with a depth buffer (orthographic). Body points that lie in
-the
-object deeper than the tolerance turn red, so that penetrations show in any view.
+the object deeper than the tolerance turn red, so that penetrations show in any view.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,7 @@
 """Makes the reference pairs of this folder: python examples/references/build.py
 
 Every pair is one authored pose of the humanoid skeleton on one reference object, in the object's canonical space: +Y
-up,
-seat facing +Z, floor at y = 0. Two files: NAME.json (pose and description) and NAME.glb (the object).
+up, seat facing +Z, floor at y = 0. Two files: NAME.json (pose and description) and NAME.glb (the object).
 """
 
 import json

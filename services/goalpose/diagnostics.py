@@ -33,9 +33,8 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
 
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
     `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
-    reference
-    stands on it); `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance from the reference's
-    canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
+    reference stands on it); `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance from the
+    reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)

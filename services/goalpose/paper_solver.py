@@ -2,8 +2,7 @@
 pose.
 
 Our changes (METHOD-NOTES): metres instead of millimetres and boxes, several initial headings in one batch, the best
-iterate
-instead of the last, no gradients for the network.
+iterate instead of the last, no gradients for the network.
 """
 
 from dataclasses import dataclass

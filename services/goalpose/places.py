@@ -1,8 +1,7 @@
 """Where a body could rest on an object: tops of surfaces with free space above, as starts for the search.
 
 These are only starting points, as the paper's own initial shift of the hip onto the nearest surface is; what they are
-worth is
-for the energy to say.
+worth is for the energy to say.
 """
 
 import numpy as np

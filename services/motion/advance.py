@@ -26,8 +26,7 @@ def advance(
     """The next frame of every character.
 
     Returns the new characters, their joint positions [B, J, 3] [m], and the mean joint distance to the goal pose [B]
-    [m]
-    (meaningful where the goal is active).
+    [m] (meaningful where the goal is active).
     """
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)

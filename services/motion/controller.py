@@ -2,9 +2,8 @@
 
 Three modes. FREE follows a planned path. INTERACT gives the goal pose to the network and lets bidirectional blending
 bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. The paper sets the
-walking
-goal 0.3 m in front of the goal feet; in the captured sits people stand *over* their later feet when they begin (median
-0.00 m), so the standing place is 5 cm in front of them.
+walking goal 0.3 m in front of the goal feet; in the captured sits people stand *over* their later feet when they begin
+(median 0.00 m), so the standing place is 5 cm in front of them.
 """
 
 import math
@@ -146,7 +145,7 @@ def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple
 
 
 def _anchor(aim: Target | Steering, body: Body) -> tuple[float, float]:
-    """Where the plan belongs: at the root, but when standing still over the feet, or body and plan lean on each other."""
+    """Where the plan belongs: at the root, but when standing still over the feet, or they lean on each other."""
     stands = isinstance(aim, Steering) and math.hypot(aim.vx, aim.vz) < 0.05
     return body.feet if stands and body.feet is not None else (body.x, body.z)
 

@@ -25,8 +25,7 @@ class Goal:
     """High-level control: walk up to `pose`, take it, hold it.
 
     `action` is sit or lie. `approach` [2] (x, z) points from the lying pose's hips to the open side of the furniture;
-    None
-    takes the side that the character is on.
+    None takes the side that the character is on.
     """
 
     pose: Pose

@@ -1,8 +1,7 @@
 """E_g: pelvis, chest and head keep the reference's lean (beyond the paper).
 
 Furniture stands upright in the world, so a sitter's tilt against gravity is part of the reference; the descriptors,
-blind to
-gravity by design, let near-symmetric objects (a cube stool) pull the body over.
+blind to gravity by design, let near-symmetric objects (a cube stool) pull the body over.
 """
 
 from character.rotation import quat_inv, quat_rotate

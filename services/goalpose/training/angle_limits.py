@@ -1,8 +1,7 @@
 """Computes energy/angle_limits.json from motion capture: python -m goalpose.training.angle_limits FOLDER_OF_BVH
 
 Bounds of twist and swing per humanoid bone: the 0.2 and 99.8 percentiles over all frames, made symmetric between left
-and
-right. Only these few percentiles are stored, no motion. The motion-capture data must be cited; see
+and right. Only these few percentiles are stored, no motion. The motion-capture data must be cited; see
 weights/MODEL_CARD.md.
 """
 

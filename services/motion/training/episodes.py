@@ -1,11 +1,10 @@
 """Episodes: stretches of motion with an intent and a goal at every frame, real or warped towards a new goal pose.
 
 An interaction episode approaches, sits (or lies) down, holds, and leaves. Its frames are bent towards the goal pose
-with a
-weight that rises to one at the first held frame, as local rotations, so limbs stay limbs. Planted feet stay planted: a
-foot whose place in the goal pose differs from where the clip put it makes one small adjusting step, lifted, late in the
-descent (and back before rising). While held, the clip's own fidgeting remains at a sixth of its size: living, but at
-the goal.
+with a weight that rises to one at the first held frame, as local rotations, so limbs stay limbs. Planted feet stay
+planted: a foot whose place in the goal pose differs from where the clip put it makes one small adjusting step,
+lifted, late in the descent (and back before rising). While held, the clip's own fidgeting remains at a sixth of its
+size: living, but at the goal.
 """
 
 from dataclasses import dataclass

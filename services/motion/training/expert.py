@@ -3,8 +3,7 @@
 A roll-out leaves the recorded track. Asking for the recorded next frame would teach jumps, asking for the recorded
 *change* would teach drift. The expert does what inertial blending does: it adds to the next recorded frame the present
 difference, shrunk by a factor per frame, root and pose apart; a planted foot is asked to stay where it is. Every state
-is
-then a supervised example (dataset aggregation), and no gradient has to pass through time.
+is then a supervised example (dataset aggregation), and no gradient has to pass through time.
 """
 
 import torch

@@ -2,8 +2,7 @@
 
 Captured sits are few, and at run time goal poses come from the goal-pose service on furniture nobody sat on here. So a
 training goal takes the trunk and arms of one seated pose and the legs of another, a new seat height, a new lean, new
-feet
-on the floor (leg IK), and a few degrees of noise in every joint. Lying goals are only shifted and perturbed.
+feet on the floor (leg IK), and a few degrees of noise in every joint. Lying goals are only shifted and perturbed.
 """
 
 from dataclasses import dataclass

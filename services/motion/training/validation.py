@@ -26,8 +26,8 @@ def rollout_scores(figure: Figure, dataset: Dataset, predict: Predict, generator
     """Four seconds from many held-out states.
 
     Returns metres: `root` mean root difference, `pose` mean joint difference in the root frame, `goal` mean joint
-    distance
-    to the goal pose where it is held in the data, `slide` mean slide of a planted ankle per second; and their `score`.
+    distance to the goal pose where it is held in the data, `slide` mean slide of a planted ankle per second; and their
+    `score`.
     """
     at = starts(dataset, generator)
     characters = dataset.characters(figure, at)
