@@ -13,10 +13,9 @@ import math
 import platform
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -66,14 +65,15 @@ def _work(item: tuple[EvaluationObject, Plan]) -> list[Run]:
     return evaluate_object(_SYNTHESIZER, *item)
 
 
-def run_all(objects: list[EvaluationObject], plan: Plan, jobs: int) -> list[Run]:
-    """Every object, in order, with a line each on stderr."""
+def run_all(objects: list[EvaluationObject], plan: Plan, jobs: int, *, after: Callable[[list[Run]], None]) -> list[Run]:
+    """Every object, in order, with a line each on stderr; `after` sees what there is after each, so nothing is lost."""
     runs: list[Run] = []
     with ProcessPoolExecutor(jobs, initializer=_start, initargs=(plan,)) as pool:
         for item, found in zip(objects, pool.map(_work, [(o, plan) for o in objects]), strict=True):
             runs += found
             for run in found[:1]:
                 print(f"{item.category:12} {item.name[:46]:46} {run.line()}", file=sys.stderr, flush=True)
+            after(runs)
     return runs
 
 
@@ -85,6 +85,23 @@ def write_sheets(path: Path, runs: list[Run], *, per_sheet: int = 24) -> None:
         sheet: Image.Image = contact_sheet(cells[start : start + per_sheet], columns=2)
         name.parent.mkdir(parents=True, exist_ok=True)
         sheet.save(name)
+
+
+def write_report(options: argparse.Namespace, runs: list[Run], started: float) -> None:
+    """All figures so far, when a file was asked for."""
+    if not options.json or not runs:
+        return
+    kept = ("headings", "categories", "reference", "action", "solver", "terms", "turned")
+    report = {
+        "plan": {name: getattr(options, name) for name in kept},
+        "folders": [folder.name for folder in (*options.objects, *options.held_out)],
+        "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
+        "minutes": round((time.time() - started) / 60, 1),
+        "summary": summarise(runs),
+        "runs": [run.record() for run in runs],
+    }
+    options.json.parent.mkdir(parents=True, exist_ok=True)
+    options.json.write_text(json.dumps(report, indent=1) + "\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -107,24 +124,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         pictures=options.sheet is not None,
     )
     started = time.time()
-    runs = run_all(objects, plan, options.jobs)
-    report: dict[str, Any] = {
-        "objects": len(objects),
-        "plan": {
-            k: str(v) if isinstance(v, Path) else v
-            for k, v in vars(options).items()
-            if k not in ("json", "sheet", "objects", "held_out")
-        },
-        "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
-        "minutes": round((time.time() - started) / 60, 1),
-        "summary": summarise(runs),
-        "runs": [run.record() for run in runs],
-    }
-    report["plan"].pop("weights", None)
-    print(json.dumps(report["summary"], indent=1))
-    if options.json:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(report, indent=1) + "\n")
+    runs = run_all(objects, plan, options.jobs, after=lambda runs: write_report(options, runs, started))
+    print(json.dumps(summarise(runs), indent=1))
     if options.sheet:
         write_sheets(options.sheet, runs)
     return 0
