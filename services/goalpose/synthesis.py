@@ -57,6 +57,7 @@ class GoalPoseRequest:
     restarts: int = 0  # placements that are optimised (paper: initial headings); 0: the default
     seed: int = 0
     solver: str = "default"
+    count: int = 1  # poses wanted: the best, then others that differ from it in place, heading or posture
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,20 @@ class CandidateSummary:
     energy: float
     root_position: tuple[float, float, float]
     heading: float  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class RankedPose:
+    """One of several poses on an object, in the object's world."""
+
+    pose: Pose
+    place: tuple[float, float, float]  # where the hips are over the object's surface, on that surface [m]
+    reference: str
+    action: str
+    energies: dict[str, float]  # weighted terms and "total"
+    diagnostics: dict[str, float]
+    bone_depths: dict[str, float]  # deepest capsule of every bone in the object [m]; only bones that are in it
+    warnings: tuple[PoseWarning, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +98,7 @@ class GoalPoseResult:
     object: str
     seconds: float
     candidates: tuple[CandidateSummary, ...]
+    poses: tuple[RankedPose, ...] = ()  # best first, beginning with `pose`; as many as there are, at most `count`
 
 
 @dataclass(eq=False)
