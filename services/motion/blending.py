@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from motion.features import Answer, Goals, goal_orientations, world_axes
-from motion.figure import Figure, Frame, orthonormal, six
+from motion.figure import Figure, Frame, orthonormal, six, unit
 from motion.state import FUTURE
 
 _STEEPNESS = 20.0  # [1/m]
@@ -84,6 +84,5 @@ def blend_trajectory(answer: Answer, root: Frame, facing: Frame, goals: Goals) -
     k = torch.arange(1, FUTURE + 1, dtype=places.dtype)
     apart = (places - facing.origin[:, None]).norm(dim=-1)
     weight = (k / (FUTURE + 1)).pow(apart.square())[..., None]
-    directions = torch.lerp(directions, goal_directions, weight)
-    directions = directions / directions.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+    directions = unit(torch.lerp(directions, goal_directions, weight))
     return torch.cat([torch.lerp(places, goal_places, weight), directions], -1)

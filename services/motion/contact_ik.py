@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.linalg import vector_norm
 
-from motion.figure import Figure, turn_between
+from motion.figure import Figure, turn_between, unit
 from motion.state import Characters
 
 _ON, _OFF = 0.55, 0.35  # contact probability that starts and ends a lock
@@ -66,7 +67,7 @@ def plant(
     ankle = _not_too_fast(last[:, [0, 2]], ankle, seated)
     toes = last[:, [1, 3]]
     arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
-    arms = _unit(arms) * figure.offsets[figure.legs[:, 3]].norm(dim=-1)[:, None]
+    arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
     hips, reached = _reach(figure, wanted[:, 0], orientations, ankle)
     return Planted(hips, _feet_turned(figure, reached, arms), locks, weights)
 
@@ -77,10 +78,10 @@ def _within_reach(figure: Figure, wanted: Tensor, orientations: Tensor, locks: T
     Otherwise body and foot hold each other up for ever.
     """
     thigh, shin, foot, toes = figure.legs.T
-    length = figure.offsets[shin].norm(dim=-1) + figure.offsets[foot].norm(dim=-1) + _OVERREACH
+    length = figure.lengths[shin] + figure.lengths[foot] + _OVERREACH
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
     ankles = locks.reshape(-1, 2, 2, 3) - torch.stack([torch.zeros_like(arm), arm], 2)  # of both locks of both legs
-    return ((ankles - wanted[:, thigh, None]).norm(dim=-1) < length[:, None]).flatten(1)
+    return (vector_norm(ankles - wanted[:, thigh, None], dim=-1) < length[:, None]).flatten(1)
 
 
 def _locks(
@@ -92,7 +93,7 @@ def _locks(
     """
     weights = characters.lock_weights
     held = weights >= 1
-    apart = (characters.locks - track)[..., [0, 2]].norm(dim=-1)
+    apart = vector_norm((characters.locks - track)[..., [0, 2]], dim=-1)
     misplaced = held & (seated[:, None] > 0.8) & (apart > _MISPLACED)
     # One foot at a time: the other one (ankle or toes) must not be on its way.
     away = (weights > 0) & (weights < 1)
@@ -112,16 +113,12 @@ def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, ea
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
     both = (eased[:, [0, 2]] * eased[:, [1, 3]])[..., None]
     flat, held = arm[..., [0, 2]], (locks[:, [1, 3]] - locks[:, [0, 2]])[..., [0, 2]]
-    direction = torch.lerp(_unit(flat), _unit(held), both)
+    direction = torch.lerp(unit(flat), unit(held), both)
     least = _LEAST_TOES - track[:, [0, 2], 1].clamp_min(_LEAST_ANKLE)
     raised = torch.maximum(arm[..., 1], least)
-    length = figure.offsets[toes].norm(dim=-1)
-    across = (length.square() - raised.square()).clamp_min(1e-6).sqrt()[..., None] * _unit(direction)
+    length = figure.lengths[toes]
+    across = (length.square() - raised.square()).clamp_min(1e-6).sqrt()[..., None] * unit(direction)
     return torch.stack([across[..., 0], raised, across[..., 1]], -1)
-
-
-def _unit(vectors: Tensor) -> Tensor:
-    return vectors / vectors.norm(dim=-1, keepdim=True).clamp_min(1e-6)
 
 
 def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: Tensor, seated: Tensor) -> Tensor:
@@ -132,7 +129,7 @@ def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: 
     by_heel = torch.lerp(by_toes, locks[:, [0, 2]], heel)
     toes_held = (weights[:, [1, 3], None] >= 1) & ~heel_held
     ankle = torch.where(toes_held, by_toes, by_heel)
-    apart = (locks - track)[:, [0, 2]].norm(dim=-1)
+    apart = vector_norm((locks - track)[:, [0, 2]], dim=-1)
     arc = torch.sin(torch.pi * weights[:, [0, 2]]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
     height = (free[..., 1] + arc).clamp_min(_LEAST_ANKLE)
     return torch.stack([ankle[..., 0], height, ankle[..., 2]], -1)
@@ -146,22 +143,22 @@ def _not_too_fast(before: Tensor, ankle: Tensor, seated: Tensor) -> Tensor:
 def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
     """Points `after`, or as far from `before` in their direction as `most` [m] allows."""
     step = after - before
-    return before + step * (most / step.norm(dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
+    return before + step * (most / vector_norm(step, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
 
 
 def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) -> tuple[Tensor, Tensor]:
     """Hips and orientations with both ankles at `ankle` [B, 2, 3]; the pelvis gives way when a leg is too short."""
     joints = figure.positions(hips, orientations)
     thigh, shin, foot = (figure.legs[:, i] for i in range(3))
-    length = figure.offsets[shin].norm(dim=-1) + figure.offsets[foot].norm(dim=-1)
+    length = figure.lengths[shin] + figure.lengths[foot]
     stretch = ankle - joints[:, thigh]
-    reach = stretch.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+    reach = vector_norm(stretch, dim=-1, keepdim=True).clamp_min(1e-6)
     excess = (reach - _REACH * length[:, None]).clamp(0.0, _YIELD) * stretch / reach
-    larger = excess[:, 0].norm(dim=-1, keepdim=True) > excess[:, 1].norm(dim=-1, keepdim=True)
-    shift = torch.where(larger, excess[:, 0], excess[:, 1])
+    size = vector_norm(excess, dim=-1, keepdim=True)
+    shift = torch.where(size[:, 0] > size[:, 1], excess[:, 0], excess[:, 1])
     hips, joints = hips + shift, joints + shift[:, None]
     start, knee, end = joints[:, thigh], joints[:, shin], joints[:, foot]
-    lengths = figure.offsets[shin].norm(dim=-1)[:, None], figure.offsets[foot].norm(dim=-1)[:, None]
+    lengths = figure.lengths[shin, None], figure.lengths[foot, None]
     bent = _knees(start, knee, ankle, orientations[:, thigh][..., 2], lengths)
     orientations = orientations.clone()
     orientations[:, thigh] = turn_between(knee - start, bent - start) @ orientations[:, thigh]
@@ -176,12 +173,12 @@ def _knees(start: Tensor, knee: Tensor, ankle: Tensor, forward: Tensor, lengths:
     """
     upper, lower = lengths
     way = ankle - start
-    reach = way.norm(dim=-1, keepdim=True)
+    reach = vector_norm(way, dim=-1, keepdim=True)
     way = way / reach.clamp_min(1e-6)
     reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 1e-4), (upper + lower) * 0.9999)
     cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
     side = knee - start + 0.02 * forward
-    side = _unit(side - (side * way).sum(-1, keepdim=True) * way)
+    side = unit(side - (side * way).sum(-1, keepdim=True) * way)
     return start + upper * (cosine * way + (1 - cosine.square()).clamp_min(0.0).sqrt() * side)
 
 

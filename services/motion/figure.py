@@ -36,6 +36,11 @@ class Figure:
         """Number of joints J."""
         return self.skeleton.joint_count
 
+    @cached_property
+    def lengths(self) -> Tensor:
+        """Length of the bone that ends in each joint [J] [m]."""
+        return torch.linalg.vector_norm(self.offsets, dim=-1)
+
     def positions(self, hips: Tensor, orientations: Tensor) -> Tensor:
         """Joint positions. Hips [..., 3] [m], world orientations [..., J, 3, 3] -> [..., J, 3] [m]."""
         bones = torch.einsum("...jab,jb->...ja", orientations[..., self.parents, :, :], self.offsets)
@@ -46,9 +51,8 @@ class Figure:
         [..., 2]."""
         left, right = positions[..., self.across[:, 0], :], positions[..., self.across[:, 1], :]
         span = (right - left)[..., [0, 2]]
-        span = (span / span.norm(dim=-1, keepdim=True).clamp_min(1e-6)).sum(-2)
-        forward = torch.stack([span[..., 1], -span[..., 0]], -1)
-        return forward / forward.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+        span = unit(span).sum(-2)
+        return unit(torch.stack([span[..., 1], -span[..., 0]], -1))
 
     def frame(self, positions: Tensor) -> "Frame":
         """The root frame: hips projected to the floor, with the torso's facing. [..., J, 3] -> Frame [...]."""
@@ -115,6 +119,11 @@ class Frame:
         """Points of this frame into the world."""
         origin = self.origin[..., None, :] if points.shape[-1] == 2 else self._place
         return self.turn_out(points) + origin
+
+
+def unit(vectors: Tensor) -> Tensor:
+    """Vectors scaled to length 1; those shorter than a micrometre stay short. [..., N] -> [..., N]."""
+    return vectors / torch.linalg.vector_norm(vectors, dim=-1, keepdim=True).clamp_min(1e-6)
 
 
 def six(orientations: Tensor) -> Tensor:

@@ -124,12 +124,13 @@ class Animator:
         """The next frame of every character, in one batch."""
         if not states:
             return []
+        characters = Characters.stack([state.body for state in states])
+        bodies = _bodies(self.figure, characters)
         controls, commands = [], []
-        for state, intent in zip(states, intents, strict=True):
-            memory, command = control(self.figure, state.control, intent, _body(self.figure, state))
+        for state, intent, body in zip(states, intents, bodies, strict=True):
+            memory, command = control(self.figure, state.control, intent, body)
             controls.append(memory)
             commands.append(command)
-        characters = Characters.stack([state.body for state in states])
         goals = goals_of(self.figure, commands)
         after, positions, distance = advance(self.figure, self._predict, characters, goals)
         rotations = quat_from_matrix(self.figure.local(after.orientations)).numpy()
@@ -162,11 +163,15 @@ def _rows(characters: Characters) -> list[dict[str, np.ndarray]]:
     return [{name: array[i].copy() for name, array in arrays.items()} for i in range(len(arrays["hips"]))]
 
 
-def _body(figure: Figure, state: CharacterState) -> Body:
-    x, z, dx, dz = map(float, state.body["past"][-1, :4])
-    hips, orientations = (torch.from_numpy(state.body[name]) for name in ("hips", "orientations"))
-    feet = figure.positions(hips, orientations)[figure.contacts[[0, 2]]].mean(0)
-    return Body(x, z, math.atan2(dx, dz), float(state.body["hips"][1]), (float(feet[0]), float(feet[2])))
+def _bodies(figure: Figure, characters: Characters) -> list[Body]:
+    feet = figure.positions(characters.hips, characters.orientations)[:, figure.contacts[[0, 2]]].mean(1)[:, [0, 2]]
+    roots = characters.past[:, -1, :4].tolist()
+    return [
+        Body(x, z, math.atan2(dx, dz), height, (foot_x, foot_z))
+        for (x, z, dx, dz), height, (foot_x, foot_z) in zip(
+            roots, characters.hips[:, 1].tolist(), feet.tolist(), strict=True
+        )
+    ]
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:
