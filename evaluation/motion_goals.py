@@ -1,7 +1,13 @@
-"""Goal poses to walk up to: synthesised on a folder of objects (and remembered), floor at zero."""
+"""Goal poses to walk up to: synthesised on a folder of objects (and remembered), floor at zero.
 
+As a program it fills a folder with goal poses, for evaluations that share them and for `roam train motion --goals DIR`:
+
+    python -m evaluation.motion_goals --objects DIR --action sit --poses DIR
+"""
+
+import argparse
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +18,7 @@ from character.skeleton import humanoid_skeleton
 from goalpose.objects import ObjectError, Shape, format_of, load_shape
 from goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
 
-from evaluation.goalpose_objects import EvaluationObject
+from evaluation.goalpose_objects import EvaluationObject, find_objects
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +52,11 @@ def make_goals(
                     SynthesizerSettings(weights=weights) if weights else SynthesizerSettings()
                 )
             result = synthesizer.synthesize(shape, GoalPoseRequest(action=action))
-            record = {"root_position": result.pose.root_position.tolist(), "rotations": result.pose.rotations.tolist()}
+            record = {
+                "root_position": result.pose.root_position.tolist(),
+                "rotations": result.pose.rotations.tolist(),
+                "floor_height": shape.floor_height,
+            }
             if note is not None:
                 note.parent.mkdir(parents=True, exist_ok=True)
                 note.write_text(json.dumps(record))
@@ -81,3 +91,23 @@ def open_side(pose: Pose, shape: Shape) -> np.ndarray:
         free.append(float(shape.distance.query(torch.tensor(points, dtype=torch.float32)).min()))
     best = left if free[0] >= free[1] else -left
     return np.array([best[0], best[2]])
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Makes the goal poses that are not there yet."""
+    parser = argparse.ArgumentParser(description="goal poses on every object of a folder")
+    parser.add_argument("--objects", type=Path, action="append", required=True, help="folder of meshes (repeatable)")
+    parser.add_argument("--categories", help="comma-separated, default all but beds")
+    parser.add_argument("--action", default="sit", choices=("sit", "lie"))
+    parser.add_argument("--poses", type=Path, required=True, help="folder to fill")
+    parser.add_argument("--every", type=int, default=1, help="only every so many-th object")
+    options = parser.parse_args(argv)
+    torch.set_num_threads(1)
+    categories = set(options.categories.split(",")) if options.categories else None
+    objects = find_objects(options.objects, held_out=(), categories=categories)[:: options.every]
+    print(len(make_goals(objects, action=options.action, remembered=options.poses)), "goal poses")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

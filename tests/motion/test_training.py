@@ -14,7 +14,7 @@ from motion.training import labels, motion
 from motion.training.dataset import build
 from motion.training.episodes import interaction, locomotion
 from motion.training.expert import returning
-from motion.training.goals import Key, ankles, sitting_goal
+from motion.training.goals import Bank, Key, ankles, sitting_goal
 from motion.training.library import LibraryConfig, load_library
 from motion.training.recordings import Recording, Span, read_folder
 from standing import seated_pose
@@ -76,7 +76,7 @@ def test_an_interaction_holds_its_new_goal_and_its_feet_do_not_slide():
     made, rng = recording(), np.random.default_rng(1)
     bank = [Key(p.root_position, p.rotations) for p in (seated_pose(), seated_pose(0.5))]
     for _ in range(3):
-        episode = interaction(made, made.spans[0], {"sit": bank}, rng)
+        episode = interaction(made, made.spans[0], {"sit": Bank(bank)}, rng)
         goal = episode.goals[0][0]
         held = np.linalg.norm(episode.clip.root_positions - goal.hips, axis=-1)
         assert held.min() < 0.01

@@ -18,7 +18,7 @@ from character.skeleton import Skeleton
 from motion.figure import CONTACT_JOINTS
 from motion.state import FRAME_RATE
 from motion.training import labels
-from motion.training.goals import LEGS, Key, aligned, lying_goal, sitting_goal
+from motion.training.goals import LEGS, Bank, Key, aligned, new_goal
 from motion.training.recordings import Recording, Span
 
 IDLE, WALK, SIT, LIE = range(4)
@@ -99,18 +99,14 @@ def _labels(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, l
     return contacts, labels.soft_actions(names, clip.frame_rate), labels.find_phase(contacts, clip.frame_rate), names
 
 
-def interaction(
-    recording: Recording, span: Span, banks: dict[str, list[Key]], rng: np.random.Generator
-) -> Episode | None:
+def interaction(recording: Recording, span: Span, banks: dict[str, Bank], rng: np.random.Generator) -> Episode | None:
     """One span bent towards a new goal pose; None when the span is too short to be of use."""
     clip, skeleton = recording.clip, recording.clip.skeleton
     if span.last - span.first < 4:
         return None
     first_key, last_key = (Key(clip.root_positions[t], clip.rotations[t]) for t in (span.first, span.last))
-    if span.action == "sit":
-        goal = aligned(skeleton, sitting_goal(skeleton, banks["sit"], rng), first_key, rng, by_feet=True)
-    else:
-        goal = aligned(skeleton, lying_goal(skeleton, [first_key], rng), first_key, rng, by_feet=False)
+    goal = new_goal(skeleton, span.action, banks[span.action], first_key, rng)
+    goal = aligned(skeleton, goal, first_key, rng, by_feet=span.action == "sit")
     return _bent(recording, span, goal, (first_key, last_key), rng)
 
 

@@ -2,12 +2,16 @@
 
 Captured sits are few, and at run time goal poses come from the goal-pose service on furniture nobody sat on here. So a
 training goal takes the trunk and arms of one seated pose and the legs of another, a new seat height, a new lean, new
-feet on the floor (leg IK), and a few degrees of noise in every joint. Lying goals are only shifted and perturbed.
+feet on the floor (leg IK), and a few degrees of noise in every joint. Lying goals are only shifted and perturbed. Where
+goal poses that the goal-pose service made are at hand, every other goal is one of them, hardly perturbed.
 """
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+from character.clip import Clip
 from character.kinematics import facing, forward_kinematics, limb, reach_with_limb
 from character.rotation import (
     angle_wrap,
@@ -23,7 +27,8 @@ from character.skeleton import Skeleton
 LEGS = ("leftLeg", "rightLeg")
 _HIPS_OVER_SEAT = 0.085 + 0.06  # hip joints over the seat, hips over the hip joints [m]
 _ARMS = ("leftShoulder", "leftUpperArm", "leftLowerArm", "leftHand")
-_TRUNK = ("spine", "chest", "upperChest", "neck", "head")
+_GIVEN_SHARE = 0.5  # of goals, where there are given ones
+_GIVEN_NOISE = 0.25  # share of the noise that captured poses get
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,36 @@ class Key:
 
     hips: np.ndarray
     rotations: np.ndarray
+
+
+@dataclass(frozen=True)
+class Bank:
+    """Poses of one action to make goals of, over the origin, facing +Z."""
+
+    captured: list[Key]  # held key poses of the clips
+    given: list[Key] = field(default_factory=list)  # goal poses synthesised on furniture
+
+
+def read_given(skeleton: Skeleton, folder: Path, action: str) -> list[Key]:
+    """The goal poses of `folder`/*-ACTION.json (see evaluation/motion_goals.py) and their mirror images."""
+    records = [json.loads(path.read_text()) for path in sorted(folder.glob(f"*-{action}.json"))]
+    if not records:
+        return []
+    hips = np.array([r["root_position"] for r in records], np.float32)
+    hips[:, 1] -= np.array([r["floor_height"] for r in records], np.float32)
+    poses = Clip(skeleton, 1.0, hips, np.array([r["rotations"] for r in records], np.float32))
+    pairs = [
+        pair for clip in (poses, poses.mirrored()) for pair in zip(clip.root_positions, clip.rotations, strict=True)
+    ]
+    return [at_origin(skeleton, Key(*pair)) for pair in pairs]
+
+
+def new_goal(skeleton: Skeleton, action: str, bank: Bank, key: Key, rng: np.random.Generator) -> Key:
+    """A goal over the origin for an episode whose clip holds `key`."""
+    if bank.given and rng.random() < _GIVEN_SHARE:
+        given = bank.given[rng.integers(len(bank.given))]
+        return Key(given.hips, _noisy(skeleton, given.rotations, rng, share=_GIVEN_NOISE))
+    return sitting_goal(skeleton, bank.captured, rng) if action == "sit" else lying_goal(skeleton, [key], rng)
 
 
 def _scalar(value: float) -> np.ndarray:
@@ -105,10 +140,10 @@ def _half_upright(root: np.ndarray) -> np.ndarray:
     return np.asarray(quat_slerp(root, upright, np.float32(0.5)))
 
 
-def _noisy(skeleton: Skeleton, rotations: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _noisy(skeleton: Skeleton, rotations: np.ndarray, rng: np.random.Generator, share: float = 1.0) -> np.ndarray:
     degrees = np.full(skeleton.joint_count, 3.0)
     degrees[skeleton.indices([n.replace("left", s) for n in _ARMS for s in ("left", "right")])] = 9.0
-    noise = rng.normal(size=(skeleton.joint_count, 3)) * np.deg2rad(degrees)[:, None]
+    noise = rng.normal(size=(skeleton.joint_count, 3)) * np.deg2rad(share * degrees)[:, None]
     return np.asarray(quat_mul(rotations, quat_from_rotvec(noise.astype(np.float32))))
 
 

@@ -12,11 +12,11 @@ from motion.figure import Figure
 from motion.state import FRAME_RATE
 from motion.training.dataset import Dataset, build
 from motion.training.episodes import Episode, interaction, locomotion
-from motion.training.goals import Key, at_origin
+from motion.training.goals import Bank, Key, at_origin, read_given
 from motion.training.recordings import Recording, read_folder
 
 _LEAST_HIPS = {"sit": 0.40, "lie": 0.30}  # [m] lower held hips are on the floor, not on furniture
-_VERSION = 3  # of the cached form
+_VERSION = 4  # of the cached form
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class LibraryConfig:
     """How the data are prepared; part of the cache key."""
 
     folders: tuple[str, ...]
+    goals: str | None = None  # folder of goal poses that the goal-pose service made
     seed: int = 0
     goals_per_sit: int = 10  # warped copies of every captured sit, and as many of its mirror image
     goals_per_lie: int = 8
@@ -34,7 +35,8 @@ class LibraryConfig:
 
 def load_library(figure: Figure, config: LibraryConfig, cache: Path) -> tuple[Dataset, Dataset, dict[str, object]]:
     """Training set, validation set (held-out clips), and a report. Cached under `cache` by configuration."""
-    key = hashlib.sha256(json.dumps([asdict(config), _VERSION]).encode()).hexdigest()[:12]
+    given = sorted(path.name for path in Path(config.goals).glob("*.json")) if config.goals else []
+    key = hashlib.sha256(json.dumps([asdict(config), given, _VERSION]).encode()).hexdigest()[:12]
     paths = [cache / f"{key}-{name}.pt" for name in ("train", "validation")]
     report_path = cache / f"{key}-report.json"
     if all(p.exists() for p in (*paths, report_path)):
@@ -92,7 +94,7 @@ def _episodes(
     figure: Figure, recordings: list[Recording], config: LibraryConfig, rng: np.random.Generator, *, copies: float
 ) -> tuple[Dataset, dict[str, float]]:
     both = [*recordings, *(r.mirrored() for r in recordings)]
-    banks = _banks(figure, both)
+    banks = _banks(figure, both, config)
     walks = [
         e for r in both for e in locomotion(r.at_rate(FRAME_RATE), figure.skeleton) if not r.name.startswith("derived")
     ]
@@ -109,20 +111,24 @@ def _episodes(
     return build(figure, episodes, weights), {"episodes": len(episodes), **minutes}
 
 
-def _one(recording: Recording, number: int, banks: dict[str, list[Key]], rng: np.random.Generator) -> Episode | None:
+def _one(recording: Recording, number: int, banks: dict[str, Bank], rng: np.random.Generator) -> Episode | None:
     timed = recording.at_rate(FRAME_RATE, speed=float(rng.uniform(0.9, 1.2)))
     return interaction(timed, timed.spans[number], banks, rng)
 
 
-def _banks(figure: Figure, recordings: list[Recording]) -> dict[str, list[Key]]:
-    """Held key poses of every span, over the origin, by action."""
-    banks: dict[str, list[Key]] = {"sit": [], "lie": []}
+def _banks(figure: Figure, recordings: list[Recording], config: LibraryConfig) -> dict[str, Bank]:
+    """Held key poses of every span and given goal poses, by action."""
+    captured: dict[str, list[Key]] = {"sit": [], "lie": []}
     for recording in recordings:
         for span in recording.spans:
             for frame in {span.first, (span.first + span.last) // 2, span.last}:
                 key = Key(recording.clip.root_positions[frame], recording.clip.rotations[frame])
-                banks[span.action].append(at_origin(figure.skeleton, key))
-    return banks
+                captured[span.action].append(at_origin(figure.skeleton, key))
+    folder = Path(config.goals) if config.goals else None
+    return {
+        action: Bank(keys, read_given(figure.skeleton, folder, action) if folder else [])
+        for action, keys in captured.items()
+    }
 
 
 def _balanced(

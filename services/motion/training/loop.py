@@ -11,6 +11,7 @@ from pathlib import Path
 from types import FrameType
 
 import torch
+from safetensors import safe_open
 from torch import Tensor
 
 from motion.features import Inputs, network_config, widths
@@ -98,6 +99,18 @@ class Learner:
         for name in ("network", "averaged", "normaliser", "optimiser"):
             getattr(self, name).load_state_dict(state[name])
         self.seconds, self.updates = float(state["seconds"]), int(state["updates"])  # type: ignore[arg-type, call-overload]
+
+    def begin_from(self, weights: Path) -> None:
+        """Takes network and normaliser from published weights. ValueError when their sizes are others."""
+        with safe_open(str(weights), "pt") as file:
+            metadata = file.metadata()
+            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+        if json.loads(metadata["config"]) != self.network.config.as_dict():
+            raise ValueError(f"{weights} has other sizes than this run: {metadata['config']}")
+        for name, module in (("network", self.network), ("network", self.averaged), ("normaliser", self.normaliser)):
+            own = {k.removeprefix(f"{name}."): v for k, v in tensors.items() if k.startswith(f"{name}.")}
+            module.load_state_dict(own)
+        self.updates = int(metadata["updates"])
 
     def predict(self, *, averaged: bool = False) -> Callable[[Inputs], Tensor]:
         """Raw inputs -> raw outputs with the current (or averaged) weights."""

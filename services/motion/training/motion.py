@@ -1,6 +1,6 @@
 """`roam train motion`: from a folder of BVH files to weights.
 
-    roam train motion --bvh DIR [--bvh DIR …] --minutes 90 --out runs/mine [--resume]
+    roam train motion --bvh DIR [--bvh DIR …] --minutes 90 --out runs/mine [--resume] [--init WEIGHTS]
 
 Without --bvh the project's own motion-capture set is used. Every run writes config.json, curve.jsonl, validation.jsonl,
 latest.pt and best.pt to its folder, stops cleanly on SIGINT or SIGTERM, and goes on with --resume.
@@ -10,7 +10,7 @@ import argparse
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import torch
@@ -36,7 +36,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("runs/motion"), help="folder of this run")
     parser.add_argument("--minutes", type=float, default=90.0, help="training time")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by evaluation.motion_goals")
     parser.add_argument("--resume", action="store_true", help="go on from the run's latest checkpoint")
+    parser.add_argument("--init", type=Path, metavar="WEIGHTS", help="begin with published weights (.safetensors)")
     parser.add_argument("--threads", type=int, default=1, help="torch threads; one is best on a busy machine")
     parser.add_argument("--batch", type=int, default=TrainingConfig.batch)
     parser.add_argument("--rollouts", type=int, default=TrainingConfig.rollouts)
@@ -61,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if missing:
         print(f"no such folder: {', '.join(map(str, missing))}; give --bvh DIR or set ROAM_DATA")
         return 2
-    library = LibraryConfig(folders=tuple(map(str, folders)), seed=options.seed)
+    library = LibraryConfig(tuple(map(str, folders)), options.goals and str(options.goals), options.seed)
     print("preparing the data (cached afterwards) …", flush=True)
     dataset, held_out, summary = load_library(figure, library, options.cache)
     print(json.dumps(summary), flush=True)
@@ -74,6 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         learner.load(torch.load(run / "latest.pt", weights_only=True))
         print(f"resuming after {learner.updates} updates, {learner.seconds / 60:.1f} min", flush=True)
     else:
+        if options.init:
+            learner.begin_from(options.init)
         for stale in ("curve.jsonl", "validation.jsonl", "best.json"):
             (run / stale).unlink(missing_ok=True)
     (run / "config.json").write_text(config_json(config, {"library": asdict(library), "data": summary}))
@@ -91,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _config(options: argparse.Namespace) -> TrainingConfig:
-    return TrainingConfig(
+    config = TrainingConfig(
         minutes=options.minutes,
         seed=options.seed,
         batch=options.batch,
@@ -103,6 +107,8 @@ def _config(options: argparse.Namespace) -> TrainingConfig:
         encoding=options.encoding,
         horizon=options.horizon,
     )
+    # Published weights stay on the track already: long roll-outs from the start.
+    return replace(config, warm_up=0.0, ramp=0.0) if options.init else config
 
 
 if __name__ == "__main__":
