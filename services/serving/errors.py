@@ -55,6 +55,20 @@ INVALID_ARGUMENT = ErrorKind(
     "A field of the request is not valid",
     "Correct the named field; /docs and proto/README.md say what it takes.",
 )
+API_KEY_MISSING = ErrorKind(
+    "API_KEY_MISSING",
+    StatusCode.UNAUTHENTICATED,
+    401,
+    "The server wants an API key and the request has none",
+    "Send `Authorization: Bearer KEY`, on gRPC as metadata; the client takes api_key, the command --api-key.",
+)
+API_KEY_UNKNOWN = ErrorKind(
+    "API_KEY_UNKNOWN",
+    StatusCode.UNAUTHENTICATED,
+    401,
+    "The server does not know the API key",
+    "Check the key; whoever runs the server makes one with `python -m serving.keys NAME --file FILE`.",
+)
 ORIGIN_NOT_ALLOWED = ErrorKind(
     "ORIGIN_NOT_ALLOWED",
     StatusCode.PERMISSION_DENIED,
@@ -97,6 +111,13 @@ QUEUE_FULL = ErrorKind(
     "The server has as much work waiting as it accepts",
     "Try again after the time given in Retry-After or RetryInfo.",
 )
+RATE_LIMITED = ErrorKind(
+    "RATE_LIMITED",
+    StatusCode.RESOURCE_EXHAUSTED,
+    429,
+    "The caller sends requests faster than it may",
+    "Wait as long as Retry-After or RetryInfo says; ROAM_REQUESTS_PER_SECOND on the server sets the rate.",
+)
 NOT_READY = ErrorKind(
     "NOT_READY",
     StatusCode.UNAVAILABLE,
@@ -128,12 +149,15 @@ INTERNAL = ErrorKind(
 
 COMMON: tuple[ErrorKind, ...] = (
     INVALID_ARGUMENT,
+    API_KEY_MISSING,
+    API_KEY_UNKNOWN,
     ORIGIN_NOT_ALLOWED,
     ROUTE_NOT_FOUND,
     METHOD_NOT_ALLOWED,
     UNSUPPORTED_MEDIA_TYPE,
     PAYLOAD_TOO_LARGE,
     QUEUE_FULL,
+    RATE_LIMITED,
     NOT_READY,
     DRAINING,
     CANCELLED,

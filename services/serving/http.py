@@ -13,6 +13,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from serving.access import Access, AccessControl
 from serving.errors import INTERNAL, ORIGIN_NOT_ALLOWED, ServiceError
 from serving.logs import choose_request_id, get_log, request_scope
 from serving.metrics import Metrics
@@ -86,7 +87,8 @@ class RequestScope:
         except ServiceError as error:
             await send({"type": "websocket.close", "code": 4403, "reason": error.kind.reason})
             return
-        await self.app(scope, receive, send)
+        with request_scope(choose_request_id(Headers(scope=scope).get("x-request-id"))):
+            await self.app(scope, receive, send)
 
     def _check_origin(self, scope: Scope) -> None:
         """Refuses foreign web pages: CORS alone would hide the answer from them, but still do what they asked."""
@@ -133,6 +135,7 @@ def create_http_app(
     readiness: Readiness,
     metrics: Metrics,
     settings: ServerSettings,
+    access: Access,
 ) -> FastAPI:
     """The application: the services' routers plus what every server has."""
     app: FastAPI = FastAPIOffline(title=title, version=version, redoc_url=None, responses=PROBLEM_RESPONSES)
@@ -140,6 +143,7 @@ def create_http_app(
     for router in routers:
         app.include_router(router)
     add_problem_handlers(app)
+    app.add_middleware(AccessControl, access=access)  # the first added is the innermost: refusals get CORS headers too
     app.add_middleware(
         CORSMiddleware,
         allow_origin_regex=settings.cors_origin_regex,

@@ -8,6 +8,7 @@ from typing import Any
 import grpc
 from grpc_status import rpc_status as rich_status
 
+from serving.access import Access
 from serving.errors import INTERNAL, ServiceError
 from serving.logs import choose_request_id, get_log, request_scope
 from serving.metrics import Metrics
@@ -28,8 +29,9 @@ def _offered_request_id(context: grpc.aio.ServicerContext) -> str | None:
 class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # grpc has no types
     """Wraps every method; a ServiceError becomes its status, anything else INTERNAL with the trace in the log."""
 
-    def __init__(self, metrics: Metrics) -> None:
+    def __init__(self, metrics: Metrics, access: Access) -> None:
         self._metrics = metrics
+        self._access = access
 
     async def intercept_service(
         self, continuation: Callable[[Any], Awaitable[Any]], details: grpc.HandlerCallDetails
@@ -57,6 +59,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
         async def wrapped(request: Any, context: Any) -> Any:
             with self._scope(method, context):
                 try:
+                    self._admit(method, context)
                     return await behaviour(request, context)
                 except Exception as error:
                     await _abort(context, error)
@@ -67,6 +70,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
         async def wrapped(request: Any, context: Any) -> AsyncIterator[Any]:
             with self._scope(method, context):
                 try:
+                    self._admit(method, context)
                     answer = behaviour(request, context)
                     if not hasattr(answer, "__aiter__"):  # writes through the context instead of yielding
                         await answer
@@ -78,6 +82,9 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
                     await _abort(context, error)
 
         return wrapped
+
+    def _admit(self, method: str, context: Any) -> None:
+        self._access.admit_call(method, context.invocation_metadata() or (), context.peer())
 
     @contextmanager
     def _scope(self, method: str, context: Any) -> Iterator[None]:

@@ -60,8 +60,18 @@ def choose_request_id(offered: str | None) -> str:
     return uuid4().hex
 
 
+def remember(**values: str) -> None:
+    """Adds facts, such as the session, to every later log line of the request that is being answered."""
+    structlog.contextvars.bind_contextvars(**values)
+
+
 @contextmanager
 def request_scope(request_id: str) -> Iterator[None]:
-    """Binds the request id to every log line and error inside."""
+    """Binds the request id to every log line and error inside; what was remembered inside is forgotten after."""
     with structlog.contextvars.bound_contextvars(request_id=request_id):
-        yield
+        before = structlog.contextvars.get_contextvars()
+        try:
+            yield
+        finally:
+            structlog.contextvars.clear_contextvars()
+            structlog.contextvars.bind_contextvars(**before)

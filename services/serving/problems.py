@@ -55,6 +55,8 @@ def problem(error: ServiceError, violations: Sequence[dict[str, str]] = ()) -> d
 def problem_response(error: ServiceError, violations: Sequence[dict[str, str]] = ()) -> Response:
     """The error as an HTTP response."""
     headers = {}
+    if error.kind.http_status == 401:
+        headers["WWW-Authenticate"] = "Bearer"
     if error.retry_after is not None:
         headers["Retry-After"] = str(math.ceil(error.retry_after))
     content = orjson.dumps(problem(error, violations))

@@ -13,6 +13,7 @@ import grpc
 import uvicorn
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
+from serving.access import Access
 from serving.describe import ServerServicer, describe_router
 from serving.health import add_health, add_reflection
 from serving.http import create_http_app
@@ -21,8 +22,9 @@ from serving.logs import configure_logs, get_log
 from serving.metrics import Metrics
 from serving.readiness import Readiness
 from serving.service import Service
-from serving.settings import MIB, ServerSettings
+from serving.settings import MIB, ServerSettings, SettingsError
 from serving.skeletons import SkeletonCatalogue, SkeletonServicer, skeletons_router
+from serving.transport import transport_security
 
 log = get_log("serving.server")
 
@@ -40,7 +42,7 @@ _GRPC_OPTIONS = [
 class Addresses:
     """Where a running server listens."""
 
-    http: str  # "http://127.0.0.1:8080"
+    http: str  # "http://127.0.0.1:8080", https with TLS
     grpc: str  # "127.0.0.1:50051"
 
 
@@ -78,11 +80,13 @@ class Server:
     def __init__(self, services: Sequence[Service], settings: ServerSettings) -> None:
         self.services = services
         self.settings = settings
+        self._tls = transport_security(settings)
+        self._access = Access.of(settings)
         self.readiness = Readiness()
         self.metrics = Metrics()
         self._skeletons = SkeletonCatalogue([item for service in services for item in service.skeletons])
         self._grpc = grpc.aio.server(
-            interceptors=[RequestInterceptor(self.metrics)],
+            interceptors=[RequestInterceptor(self.metrics, self._access)],
             options=_GRPC_OPTIONS,
         )
         self._uvicorn: _Uvicorn
@@ -98,7 +102,8 @@ class Server:
         self._uvicorn = _Uvicorn(self._uvicorn_config())
         self._http_task = asyncio.create_task(self._uvicorn.serve(sockets=[listener]))
         host = _host(self.settings.host)
-        self.addresses = Addresses(f"http://{host}:{listener.getsockname()[1]}", f"{host}:{grpc_port}")
+        scheme = "https" if self._tls else "http"
+        self.addresses = Addresses(f"{scheme}://{host}:{listener.getsockname()[1]}", f"{host}:{grpc_port}")
         while not self._uvicorn.started:
             if self._http_task.done():
                 self._http_task.result()
@@ -140,6 +145,8 @@ class Server:
         add_reflection(self._grpc, names)
         where = f"{_host(self.settings.host)}:{self.settings.grpc_port}"
         try:
+            if self._tls is not None:
+                return int(self._grpc.add_secure_port(where, self._tls.grpc_credentials()))
             return int(self._grpc.add_insecure_port(where))
         except RuntimeError as error:
             raise OSError(f"cannot listen on {where}; choose another --grpc-port") from error
@@ -156,6 +163,7 @@ class Server:
             readiness=self.readiness,
             metrics=self.metrics,
             settings=self.settings,
+            access=self._access,
         )
         return uvicorn.Config(
             app,
@@ -166,6 +174,7 @@ class Server:
             ws_max_size=MIB,  # controls are small; uploads do not come this way
             ws_per_message_deflate=False,  # packed floats do not shrink
             timeout_graceful_shutdown=max(1, round(self.settings.drain_seconds)),
+            **(self._tls.uvicorn_options() if self._tls else {}),
         )
 
 
@@ -173,7 +182,8 @@ class Server:
 async def running(services: Sequence[Service], settings: ServerSettings) -> AsyncIterator[Addresses]:
     """Runs the services inside this event loop; the addresses come when everything is ready.
 
-    Raises OSError when a port is taken, and whatever a service's `load` raises.
+    Raises OSError when a port is taken, SettingsError when those of TLS or keys do not fit, and whatever a service's
+    `load` raises.
     """
     server = Server(services, settings)
     await server.open()
@@ -214,5 +224,5 @@ def serve(services: Sequence[Service], settings: ServerSettings) -> None:
     configure_logs(settings)
     try:
         asyncio.run(_serve(services, settings))
-    except OSError as error:
+    except (OSError, SettingsError) as error:
         sys.exit(str(error))

@@ -8,6 +8,10 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 MIB = 1 << 20
 
 
+class SettingsError(ValueError):
+    """Settings that no server can run with, in words for whoever starts it."""
+
+
 class ServerSettings(BaseSettings):
     """What one server process needs to know before it starts."""
 
@@ -21,6 +25,13 @@ class ServerSettings(BaseSettings):
     cors_origin_regex: str = Field(
         r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?", description="web pages that may call, as an expression"
     )
+    tls_cert: str = Field("", description="certificate chain (PEM); with it both ports speak TLS")
+    tls_key: str = Field("", description="private key of the certificate (PEM)")
+    tls_client_ca: str = Field("", description="authority (PEM) that clients' certificates must come from: mutual TLS")
+    api_keys: str = Field("", description="file of hashed API keys, see python -m serving.keys; empty: no key is asked")
+    requests_per_second: float = Field(0.0, ge=0, description="requests of one API key or address; 0: no limit")
+    request_burst: int = Field(20, ge=1, description="requests that may come at once before the rate counts")
+    allow_insecure: bool = Field(False, description="listen beyond this machine without TLS")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level that is logged")
     log_format: Literal["json", "console"] = Field("json", description="one JSON object a line, or text for people")
     torch_threads: int = Field(1, ge=1, description="threads of one tensor operation; more is slower on a busy machine")

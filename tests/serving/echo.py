@@ -3,7 +3,7 @@
 import asyncio
 
 import grpc
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, WebSocket
 from pydantic import BaseModel
 from serving.errors import COMMON, ServiceError, by_reason
 
@@ -58,6 +58,12 @@ class Echo:
             self.started.set()
             await self.released.wait()
             return "done"
+
+        @router.websocket("/words")
+        async def words(socket: WebSocket) -> None:
+            await socket.accept()
+            await socket.send_text("hello")
+            await socket.close()
 
         return router
 

@@ -21,6 +21,7 @@ from roam_client.actions import Action
 from roam_client.errors import InternalServerError, server_errors
 from roam_client.goal_poses import GoalPose, Progress, ReferencePose, synthesize_request
 from roam_client.objects import Object, format_of, upload_requests
+from roam_client.security import Security
 from roam_client.server_info import ServerInfo
 from roam_client.sessions import Placement, session_request
 from roam_client.skeleton import Skeleton, capsules_from_messages
@@ -38,7 +39,8 @@ class Client:
             with client.create_session(floor_height=goal.floor_height) as session:
                 motion = session.bake(goal)
 
-    Addresses are gRPC `host:port`. Every method raises an error of `roam_client.errors`.
+    Addresses are gRPC `host:port`. `ca` or `cert` turn TLS on, `api_key` goes with every call: see `security.Security`.
+    Every method raises an error of `roam_client.errors`.
     """
 
     def __init__(
@@ -46,12 +48,15 @@ class Client:
         *,
         goalpose: str | None = None,
         motion: str | None = None,
+        api_key: str | None = None,
+        ca: str | Path | None = None,
+        cert: tuple[str | Path, str | Path] | None = None,
         credentials: grpc.ChannelCredentials | None = None,
         timeout: float = 30.0,
     ) -> None:
         self._goalpose = goalpose
         self._motion = motion
-        self._credentials = credentials
+        self._security = Security(api_key, ca, cert, credentials)
         self._timeout = timeout  # [s] for everything but the optimisation and streams
         self._channels: dict[str, grpc.Channel] = {}
         self._skeletons: dict[str, Skeleton] = {}
@@ -206,9 +211,5 @@ class Client:
 
     def _channel(self, target: str) -> grpc.Channel:
         if target not in self._channels:
-            if self._credentials is not None:
-                channel = grpc.secure_channel(target, self._credentials, options=CHANNEL_OPTIONS)
-            else:
-                channel = grpc.insecure_channel(target, options=CHANNEL_OPTIONS)
-            self._channels[target] = channel
+            self._channels[target] = self._security.channel(grpc, target, CHANNEL_OPTIONS)
         return self._channels[target]

@@ -74,6 +74,8 @@ def _run(services: "Sequence[Service]", settings: "ServerSettings", started: "Fu
 @contextmanager
 def embedded() -> Iterator[str]:
     """The gRPC address of both services."""
-    services, settings = make_services(host="127.0.0.1", http_port=0, grpc_port=0)
+    # Whatever the environment asks of real servers, this one is private to the process.
+    open_to_itself = {"tls_cert": "", "tls_key": "", "tls_client_ca": "", "api_keys": "", "requests_per_second": 0.0}
+    services, settings = make_services(host="127.0.0.1", http_port=0, grpc_port=0, **open_to_itself)
     with running_in_thread(services, settings) as addresses:
         yield addresses.grpc

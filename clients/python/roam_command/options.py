@@ -1,8 +1,9 @@
 """Options that several commands share."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from roam_client import Action
@@ -42,19 +43,58 @@ UnitOption = Annotated[
 UpOption = Annotated[
     str | None, typer.Option("--up", metavar="x|y|z|-x|-y|-z", help="Up axis of the file (default: detected).")
 ]
-ServerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--server",
-        metavar="ADDRESS",
-        help="gRPC address of running services: host:port when one process serves both, "
-        "or goalpose=host:port,motion=host:port. Without it the command starts its own.",
-    ),
-]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
 OutputOption = Annotated[
     list[Path] | None, typer.Option("-o", "--output", metavar="FILE", help="Where to save; may be given several times.")
 ]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """The object and what a character is to do with it."""
+
+    object: ObjectArgument
+    reference: ReferenceOption = None
+    action: ActionOption = ActionName.SIT
+    seed: SeedOption = 0
+    unit: UnitOption = None
+    up: UpOption = None
+
+
+@dataclass(frozen=True)
+class ServerChoice:
+    """Which servers to use, and what to show them."""
+
+    server: Annotated[
+        str | None,
+        typer.Option(
+            "--server",
+            metavar="ADDRESS",
+            help="gRPC address of running services: host:port when one process serves both, "
+            "or goalpose=host:port,motion=host:port. Without it the command starts its own.",
+        ),
+    ] = None
+    api_key: Annotated[
+        str | None,
+        typer.Option("--api-key", envvar="ROAM_API_KEY", show_envvar=True, help="Key that the servers ask for."),
+    ] = None
+    ca: Annotated[
+        Path | None, typer.Option("--ca", metavar="FILE", help="Authority of the servers' certificates (PEM): use TLS.")
+    ] = None
+    cert: Annotated[
+        Path | None, typer.Option("--cert", metavar="FILE", help="Own certificate (PEM), for mutual TLS.")
+    ] = None
+    cert_key: Annotated[
+        Path | None, typer.Option("--cert-key", metavar="FILE", help="Private key of --cert (PEM).")
+    ] = None
+
+    @property
+    def security(self) -> dict[str, Any]:
+        """The arguments of `Client` that say the same. UsageError when they do not fit together."""
+        if (self.cert is None) != (self.cert_key is None):
+            raise UsageError("--cert and --cert-key belong together", remedy="Give both files.")
+        pair = None if self.cert is None or self.cert_key is None else (self.cert, self.cert_key)
+        return {"api_key": self.api_key, "ca": self.ca, "cert": pair}
 
 
 def checked_object(path: Path) -> Path:

@@ -10,39 +10,23 @@ from rich.progress import Progress as Bar
 from roam_client import Action, Client, GoalPose, Object, Progress
 
 from roam_command.exports import POSE_ENDINGS, check_exporters, write_pose
-from roam_command.options import (
-    ActionName,
-    ActionOption,
-    JsonOption,
-    ObjectArgument,
-    OutputOption,
-    ReferenceOption,
-    SeedOption,
-    ServerOption,
-    UnitOption,
-    UpOption,
-    checked_object,
-    checked_outputs,
-)
+from roam_command.option_groups import grouped
+from roam_command.options import JsonOption, OutputOption, ServerChoice, Wish, checked_object, checked_outputs
 from roam_command.reports import centimetres, print_result, progress_bar, reported, tell_warnings
-from roam_command.servers import services
+from roam_command.servers import connected
 
 
+@grouped
 def pose(
-    object: ObjectArgument,
-    reference: ReferenceOption = None,
-    action: ActionOption = ActionName.SIT,
+    wish: Wish,
+    to: ServerChoice,
     output: OutputOption = None,
-    seed: SeedOption = 0,
     restarts: Annotated[
         int, typer.Option("--restarts", min=0, help="Initial headings tried in one batch; 0: the server's default.")
     ] = 0,
     solver: Annotated[
         str, typer.Option("--solver", metavar="default|paper", help="paper: the published schedule, slower.")
     ] = "",
-    unit: UnitOption = None,
-    up: UpOption = None,
-    server: ServerOption = None,
     json: JsonOption = False,
 ) -> None:
     """Make a full-body pose that fits OBJECT, in the object file's own placement (metres, Y up).
@@ -50,37 +34,24 @@ def pose(
     `-o` saves .npz, .json, or .glb (body and object).
     """
     with reported(as_json=json):
-        checked_object(object)
+        checked_object(wish.object)
         outputs = checked_outputs(output, POSE_ENDINGS)
         check_exporters(outputs)
-        with services(server) as addresses, Client(goalpose=addresses.goalpose) as client, progress_bar() as bar:
+        with connected(to) as client, progress_bar() as bar:
             start = time.perf_counter()
-            place, goal = make_goal_pose(
-                client,
-                bar,
-                object,
-                unit=unit,
-                up=up,
-                reference=reference,
-                action=action.action,
-                seed=seed,
-                restarts=restarts,
-                solver=solver,
-            )
+            place, goal = make_goal_pose(client, bar, wish, restarts=restarts, solver=solver)
             seconds = time.perf_counter() - start
         for path in outputs:
-            write_pose(path, goal, source=object, object=place)
+            write_pose(path, goal, source=wish.object, object=place)
         tell_warnings([*place.warnings, *goal.warnings])
         result = {**goal_pose_figures(goal), "seconds": seconds, "files": [str(path) for path in outputs]}
         print_result(result, [*goal_pose_lines(goal), ("time", f"{seconds:.1f} s"), *file_lines(outputs)], as_json=json)
 
 
-def make_goal_pose(
-    client: Client, bar: Bar, source: Path, *, unit: str | None, up: str | None, **options: Any
-) -> tuple[Object, GoalPose]:
-    """Uploads and optimises, with a progress bar; `options` are those of `Client.synthesize`."""
+def make_goal_pose(client: Client, bar: Bar, wish: Wish, **options: Any) -> tuple[Object, GoalPose]:
+    """Uploads and optimises, with a progress bar; `options` are further ones of `Client.synthesize`."""
     task = bar.add_task("reading the object", total=None, note="")
-    place = client.upload(source, unit=unit, up_axis=up)
+    place = client.upload(wish.object, unit=wish.unit, up_axis=wish.up)
     bar.update(task, description="fitting the pose")
 
     def show(progress: Progress) -> None:
@@ -88,7 +59,9 @@ def make_goal_pose(
             note = f"{progress.stage_name}  energy {progress.energy:.4f}"
             bar.update(task, total=progress.iteration_count, completed=progress.iteration, note=note)
 
-    goal = client.synthesize(place, on_progress=show, **options)
+    goal = client.synthesize(
+        place, reference=wish.reference, action=wish.action.action, seed=wish.seed, on_progress=show, **options
+    )
     bar.update(task, total=1, completed=1, note="")
     return place, goal
 

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from roam_client import (
+    AccessDeniedError,
     ConnectionFailedError,
     FormatError,
     InvalidRequestError,
@@ -51,7 +52,7 @@ def exit_code(error: RoamError) -> Exit:
             return Exit.USAGE
         case ConnectionFailedError() | RequestTimeoutError():
             return Exit.NO_SERVER
-        case InvalidRequestError() | NotFoundError():
+        case InvalidRequestError() | NotFoundError() | AccessDeniedError():
             return Exit.REFUSED
         case _:
             return Exit.FAILED

@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from roam_client import Client
+
+from roam_command.options import ServerChoice
 from roam_command.reports import UsageError, stderr
 
 
@@ -38,13 +41,15 @@ def _checked(address: str) -> str:
 
 
 @contextmanager
-def services(server: str | None) -> Iterator[Addresses]:
-    """The addresses to use; without `server` both services run inside this process until the block ends."""
-    if server is not None:
-        yield parse_server(server)
+def connected(to: ServerChoice) -> Iterator[Client]:
+    """A client of both services; where no server is named they run inside this process until the block ends."""
+    if to.server is not None:
+        at = parse_server(to.server)
+        with Client(goalpose=at.goalpose, motion=at.motion, **to.security) as client:
+            yield client
         return
     from roam_command.embedded import embedded
 
     stderr.print("starting services (--server uses running ones) …", style="dim")
-    with embedded() as address:
-        yield Addresses(address, address)
+    with embedded() as address, Client(goalpose=address, motion=address) as client:
+        yield client

@@ -8,32 +8,22 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.progress import Progress as Bar
-from roam_client import Client, Frame, GoalPose, Motion, Placement
+from roam_client import Frame, GoalPose, Motion, Placement
 
 from roam_command.exports import MOTION_ENDINGS, check_exporters, write_motion
-from roam_command.options import (
-    ActionName,
-    ActionOption,
-    JsonOption,
-    ObjectArgument,
-    OutputOption,
-    ReferenceOption,
-    SeedOption,
-    ServerOption,
-    UnitOption,
-    UpOption,
-    checked_object,
-    checked_outputs,
-)
+from roam_command.option_groups import grouped
+from roam_command.options import JsonOption, OutputOption, ServerChoice, Wish, checked_object, checked_outputs
 from roam_command.pose import file_lines, goal_pose_figures, goal_pose_lines, make_goal_pose
 from roam_command.reports import UsageError, centimetres, print_result, progress_bar, reported, stderr, tell_warnings
-from roam_command.servers import services
+from roam_command.servers import connected
 
 DEFAULT_DISTANCE = 3.0  # [m] in front of the goal pose
 
 
+@grouped
 def sit(
-    object: ObjectArgument,
+    wish: Wish,
+    to: ServerChoice,
     start: Annotated[
         str | None,
         typer.Option(
@@ -43,16 +33,10 @@ def sit(
             "faces +Z and 90 faces +X (default: 3 m in front of the goal pose, facing it).",
         ),
     ] = None,
-    action: ActionOption = ActionName.SIT,
-    reference: ReferenceOption = None,
     output: OutputOption = None,
     hold: Annotated[float, typer.Option("--hold", min=0, help="Seconds to stay in the goal pose.")] = 1.0,
     stand_up: Annotated[bool, typer.Option("--stand-up", help="Stand up again after the hold.")] = False,
     frames: Annotated[int, typer.Option("--frames", min=1, max=36000, help="Most frames to bake.")] = 900,
-    seed: SeedOption = 0,
-    unit: UnitOption = None,
-    up: UpOption = None,
-    server: ServerOption = None,
     json: JsonOption = False,
 ) -> None:
     """Make a character walk up to OBJECT and sit or lie on it.
@@ -61,23 +45,21 @@ def sit(
     (metres, Y up).
     """
     with reported(as_json=json):
-        checked_object(object)
+        checked_object(wish.object)
         outputs = checked_outputs(output, MOTION_ENDINGS)
         check_exporters(outputs)
         place_wanted = parse_start(start) if start is not None else None
-        with services(server) as at, Client(goalpose=at.goalpose, motion=at.motion) as client, progress_bar() as bar:
+        with connected(to) as client, progress_bar() as bar:
             began = time.perf_counter()
-            place, goal = make_goal_pose(
-                client, bar, object, unit=unit, up=up, reference=reference, action=action.action, seed=seed
-            )
+            place, goal = make_goal_pose(client, bar, wish)
             posed = time.perf_counter()
             placement = place_wanted or in_front_of(goal, DEFAULT_DISTANCE)
-            with client.create_session(placement, seed=seed, floor_height=goal.floor_height) as session:
+            with client.create_session(placement, seed=wish.seed, floor_height=goal.floor_height) as session:
                 counter = _FrameCounter(bar, goal)
                 motion = session.bake(goal, hold=hold, stand_up=stand_up, max_frames=frames, on_frame=counter.show)
             times = Times(posed - began, time.perf_counter() - posed)
         for path in outputs:
-            write_motion(path, motion, source=object, object=place)
+            write_motion(path, motion, source=wish.object, object=place)
         tell_warnings([*place.warnings, *goal.warnings])
         figures = motion_figures(motion, goal, times, hold=hold)
         _tell_missed(figures, frames)
