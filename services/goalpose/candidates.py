@@ -1,12 +1,13 @@
 """A batch of candidate poses and how good each is."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import torch
 from character.pose import Pose
 from torch import Tensor
 
-from goalpose.energy.figure import Figure
+from goalpose.energy.figure import Figure, figure_concat
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,21 +15,30 @@ class Candidates:
     """B poses with their energies."""
 
     figure: Figure
+    reference: Tensor  # [B] which reference pair each is made from
     energy: Tensor  # [B]
     terms: dict[str, Tensor]  # weighted, each [B]
+
+    @property
+    def fit(self) -> Tensor:
+        """Energy with the descriptor at half its weight: what references are compared by. -> [B].
+
+        Descriptor residuals order the placements of one reference better than references: around a bare bench
+        descriptors are blander than around an armchair, and smaller residuals say less of a better fit.
+        """
+        return self.energy - 0.5 * self.terms["descriptor"] if "descriptor" in self.terms else self.energy
 
     def __len__(self) -> int:
         return len(self.energy)
 
     def picked(self, index: Tensor) -> "Candidates":
         """Some of them, in the order of `index`."""
-        return Candidates(
-            self.figure[index], self.energy[index], {name: term[index] for name, term in self.terms.items()}
-        )
+        terms = {name: term[index] for name, term in self.terms.items()}
+        return Candidates(self.figure[index], self.reference[index], self.energy[index], terms)
 
     def ranked(self) -> "Candidates":
         """Best first."""
-        return self.picked(torch.argsort(self.energy, stable=True))
+        return self.picked(torch.argsort(self.fit, stable=True))
 
     def pose(self, index: int = 0) -> Pose:
         """One candidate as a pose."""
@@ -45,21 +55,36 @@ def facing_yaw(figure: Figure) -> Tensor:
     return torch.atan2(-across[:, 2], across[:, 0])
 
 
-def distinct(candidates: Candidates, count: int, *, reach: float = 0.12, angle: float = 0.6) -> Tensor:
-    """Indices of the best `count` that differ from every better one by more than `reach` [m] or `angle` [rad] of
-    heading.
+def candidates_concat(parts: list[Candidates]) -> Candidates:
+    """Several batches with the same terms as one."""
+    return Candidates(
+        figure_concat([part.figure for part in parts]),
+        torch.cat([part.reference for part in parts]),
+        torch.cat([part.energy for part in parts]),
+        {name: torch.cat([part.terms[name] for part in parts]) for name in parts[0].terms},
+    )
+
+
+def distinct(
+    candidates: Candidates, count: int, *, reach: float = 0.12, angle: float = 0.6, each: int | None = None
+) -> Tensor:
+    """Indices of the best `count` that differ from every better one of their reference by more than `reach` [m] or
+    `angle` [rad] of heading, at most `each` of any reference.
 
     Looks at the best thirty times `count` only.
     """
-    order = torch.argsort(candidates.energy, stable=True)[: 30 * count]
+    order = torch.argsort(candidates.fit, stable=True)[: 30 * count]
+    reference = candidates.reference[order]
     root, yaw = candidates.figure.root_position[order], facing_yaw(candidates.figure[order])
     turn = yaw[:, None] - yaw[None]
     near = torch.linalg.vector_norm(root[:, None] - root[None], dim=-1) < reach
-    same = (near & (torch.atan2(turn.sin(), turn.cos()).abs() < angle)).numpy()
+    alike = near & (torch.atan2(turn.sin(), turn.cos()).abs() < angle) & (reference[:, None] == reference)
+    same, owner, taken = alike.numpy(), reference.tolist(), Counter[int]()
     kept: list[int] = []
     for i in range(len(order)):
-        if not same[i, kept].any():
+        if not same[i, kept].any() and (each is None or taken[owner[i]] < each):
             kept.append(i)
+            taken[owner[i]] += 1
             if len(kept) == count:
                 break
     return order[kept]

@@ -70,7 +70,9 @@ def _detached(figure: Figure, energy: Tensor, terms: dict[str, Tensor]) -> Candi
         figure.orientations.detach(),
     )
     finite = torch.nan_to_num(energy.detach(), nan=float("inf"))
-    return Candidates(still, finite, {name: term.detach() for name, term in terms.items()})
+    return Candidates(
+        still, torch.zeros(len(still), dtype=torch.long), finite, {name: term.detach() for name, term in terms.items()}
+    )
 
 
 def _better(best: Candidates | None, now: Candidates) -> Candidates:
@@ -90,4 +92,5 @@ def _better(best: Candidates | None, now: Candidates) -> Candidates:
         pick(a.positions, b.positions),
         pick(a.orientations, b.orientations),
     )
-    return Candidates(figure, pick(now.energy, best.energy), {n: pick(t, best.terms[n]) for n, t in now.terms.items()})
+    terms = {n: pick(t, best.terms[n]) for n, t in now.terms.items()}
+    return Candidates(figure, now.reference, pick(now.energy, best.energy), terms)

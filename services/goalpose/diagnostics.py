@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
 
 from goalpose.candidates import facing_yaw
 from goalpose.energy.angle_limit import swing_twist
-from goalpose.energy.contact import contact_misses
+from goalpose.energy.contact import SUPPORT
 from goalpose.energy.figure import Figure
 from goalpose.energy.penetration import penetration_depths
 from goalpose.energy.prior import canonical_positions
@@ -38,20 +37,22 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)
-        misses = contact_misses(figure, model.contacts, target.distance, target.floor_height)[0].abs()
-        weight = model.contacts.weight
+        contacts = model.contacts
+        points = contacts.on(figure)
+        misses = contacts.misses(points[..., 1] - target.floor_height, target.distance.query(points))[0].abs()
+        weight, on_floor = contacts.weight[0], contacts.on_floor[0]
         values = {
             "hip_height": hip_height,
-            "hip_seat_distance": abs(hip_height - model.hip_height),
+            "hip_seat_distance": abs(hip_height - float(model.hip_height)),
             "penetration_depth": float(penetration_depths(figure, model.body, target.distance).max()),
             "heading": float(facing_yaw(figure)[0]),
             "contacts_met": float((weight * (misses < MET)).sum() / weight.sum()),
-            "support_miss": float(_group_miss(misses, model, "support")),
-            "pose_change": float((canonical_positions(figure)[0] - model.canonical).norm(dim=-1).mean()),
+            "support_miss": float(misses[contacts.group[0] == SUPPORT].median()),
+            "pose_change": float((canonical_positions(figure)[0] - model.canonical[0]).norm(dim=-1).mean()),
             "limit_excess": _limit_excess(figure, model),
         }
-        if model.contacts.on_floor.any():
-            values["floor_distance"] = float(misses[model.contacts.on_floor].max())
+        if on_floor.any():
+            values["floor_distance"] = float(misses[on_floor].max())
     return values
 
 
@@ -61,12 +62,6 @@ def support_height(figure: Figure, target: Target) -> float:
     hips = figure.positions[0, joints[0]]
     columns = [torch.stack([figure.positions[0, j, 0], hips[1], figure.positions[0, j, 2]]) for j in joints]
     return min(height_above_surface(target.distance, column) for column in columns)
-
-
-def _group_miss(misses: Tensor, model: ReferenceModel, group: str) -> Tensor:
-    """Median miss [m] of one group of contacts, 0 when the reference has none."""
-    chosen = torch.tensor([g == group for g in model.contacts.group])
-    return misses[chosen].median() if chosen.any() else torch.zeros(())
 
 
 def _limit_excess(figure: Figure, model: ReferenceModel) -> float:

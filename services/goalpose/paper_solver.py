@@ -47,7 +47,7 @@ def initial_figure(model: ReferenceModel, shape: Shape, turns: Tensor) -> Figure
     points = torch.as_tensor(shape.points)
     middle = torch.as_tensor(shape.bounds.mean(0), dtype=torch.float32)
     hip = model.figure.root_position[0].clone()
-    hip = torch.stack([middle[0], hip[1] - model.floor_height + shape.floor_height, middle[2]])
+    hip = torch.stack([middle[0], hip[1] - model.floor_height[0] + shape.floor_height, middle[2]])
     column = points[((points - hip)[:, [0, 2]].abs() < COLUMN).all(-1)]
     above = column[column[:, 1] >= hip[1]]
     chosen = above if len(above) else column

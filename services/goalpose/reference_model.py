@@ -4,18 +4,19 @@ import torch
 from character.body import body_capsules
 from character.pose import rest_pose
 from character.rotation import quat_inv, quat_rotate
+from character.skeleton import Skeleton
 from torch import Tensor
 
 from goalpose.energy.angle_limit import load_limits
-from goalpose.energy.clearance import clearances
-from goalpose.energy.contact import Contacts, find_contacts
+from goalpose.energy.clearance import FAR
+from goalpose.energy.contact import ARMS, FLOOR, GROUPS, LEAN, SUPPORT, Contacts, find_contacts
 from goalpose.energy.descriptor import DescriptorField, make_probes, pose_descriptor
+from goalpose.energy.distance import SignedDistance
 from goalpose.energy.facing import front_seen_by_pelvis
 from goalpose.energy.figure import Figure, figure_from_pose
 from goalpose.energy.gravity import gravity_directions
-from goalpose.energy.penetration import BodyPoints, body_points, penetration_depths
+from goalpose.energy.penetration import BodyPoints, body_points
 from goalpose.energy.prior import canonical_positions
-from goalpose.energy.pull import SignedDistance
 from goalpose.energy.self_collision import collision_pairs, pair_depths
 from goalpose.energy.symmetry import mirrored_pairs
 from goalpose.energy.total import ReferenceModel
@@ -23,9 +24,11 @@ from goalpose.objects import DistanceGrid
 from goalpose.references import ReferencePair
 
 GIVE = 0.012  # [m] how much flesh and cushion give everywhere
+PRESS = 0.015  # [m] deepest that a reference person's pressing into the furniture is taken for meant
 NEAR = 0.15  # [m] from the object at which a descriptor counts half
+UPWARD = 0.7  # cosine of the steepest surface that holds a body from below
 RIBS = 0.10  # [m] from the spine to the side of the back
-GROUP_WEIGHTS = {"support": 0.4, "lean": 0.3, "floor": 0.2, "arms": 0.1}
+GROUP_WEIGHTS = (0.4, 0.3, 0.2, 0.1)  # support, lean, floor, arms
 _ARMS = ("UpperArm", "LowerArm", "Hand")
 _TRUNK = ("spine", "chest", "upperChest")
 _LEGS = ("UpperLeg", "LowerLeg", "Foot", "Toes")
@@ -34,42 +37,44 @@ _LEGS = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 def model_reference(
     pair: ReferencePair, field: DescriptorField, *, samples: int, seed: int = 0, points: int = 1500
 ) -> ReferenceModel:
-    """All that the energy needs of a reference pair; `samples` probes per centre, `points` for the encoder."""
+    """What the energy needs of one reference pair (R = 1); `samples` probes per centre, `points` for the encoder."""
     skeleton = pair.pose.skeleton
     figure = figure_of(pair)
     probes = make_probes(skeleton, samples=samples, seed=seed)
     body = body_points(body_capsules(skeleton))
-    rest = rest_pose(skeleton)
-    standing = figure_from_pose(
-        skeleton, torch.as_tensor(rest.root_position)[None], torch.as_tensor(rest.rotations)[None]
-    )
-    pairs = collision_pairs(skeleton, body, standing)
+    pairs = collision_pairs(skeleton, body, _standing(skeleton))
+    distance, floor_height = pair.shape.distance, pair.shape.floor_height
     with torch.no_grad():
         latent = field.encode(torch.as_tensor(pair.shape.points[:points])[None])
-        descriptors = pose_descriptor(field, latent, figure, probes)[0]
-        apart = pair.shape.distance.query(figure.attached(probes.joint, probes.offset))[0]
-        room = clearances(figure, body, pair.shape.distance)[0]
-        overlap = penetration_depths(figure, body, pair.shape.distance)[0]
-    return ReferenceModel(
-        skeleton=skeleton,
-        figure=figure,
-        canonical=canonical_positions(figure)[0],
-        gravity=gravity_directions(figure)[0],
-        front=front_seen_by_pelvis(figure, field.front(latent)[0]),
-        probes=probes,
-        descriptors=descriptors,
-        nearness=1.0 / (1.0 + (apart.clamp(min=0.0) / NEAR).square()),
-        body=body,
-        allowance=torch.maximum(overlap, torch.tensor(GIVE)),
-        contacts=reference_contacts(figure, body, pair.shape.distance, pair.shape.floor_height),
-        collision_pairs=pairs,
-        collision_allowance=pair_depths(figure, body, pairs)[0].clamp(min=0.0) + GIVE,
-        limits=load_limits(skeleton),
-        clearances=room,
-        mirrored=mirrored_pairs(skeleton, body),
-        hip_height=height_above_surface(pair.shape.distance, figure.root_position[0]),
-        floor_height=pair.shape.floor_height,
-    )
+        apart = distance.query(figure.attached(probes.joint, probes.offset))
+        room = torch.maximum(distance.query(body.on(figure)), body.radius - PRESS).clamp(max=FAR)
+        front = field.front(latent)[0]
+        return ReferenceModel(
+            skeleton=skeleton,
+            probes=probes,
+            body=body,
+            mirrored=mirrored_pairs(skeleton, body),
+            collision_pairs=pairs,
+            limits=load_limits(skeleton),
+            figure=figure,
+            canonical=canonical_positions(figure),
+            gravity=gravity_directions(figure),
+            front=front_seen_by_pelvis(figure, front)[None],
+            descriptors=pose_descriptor(field, latent, figure, probes),
+            nearness=1.0 / (1.0 + (apart.clamp(min=0.0) / NEAR).square()),
+            allowance=(body.radius - room).clamp(min=GIVE),
+            contacts=reference_contacts(figure, body, distance, floor_height),
+            clearances=room,
+            collision_allowance=pair_depths(body.on(figure), body, pairs).clamp(min=0.0) + GIVE,
+            hip_height=torch.tensor([height_above_surface(distance, figure.root_position[0])]),
+            floor_height=torch.tensor([floor_height]),
+        )
+
+
+def _standing(skeleton: Skeleton) -> Figure:
+    """The rest pose."""
+    rest = rest_pose(skeleton)
+    return figure_from_pose(skeleton, torch.as_tensor(rest.root_position)[None], torch.as_tensor(rest.rotations)[None])
 
 
 def figure_of(pair: ReferencePair) -> Figure:
@@ -90,44 +95,44 @@ def height_above_surface(distance: SignedDistance, point: Tensor, *, reach: floa
 
 def reference_contacts(figure: Figure, body: BodyPoints, distance: DistanceGrid, floor_height: float) -> Contacts:
     """Contacts with the object and of the soles with the floor; groups share fixed weights so that none is drowned."""
-    near, touching = find_contacts(figure, body, distance)
+    near, normal, gap = find_contacts(figure, body, distance)
     names = figure.skeleton.humanoid_bones
-    spheres = figure.attached(body.joint, body.offset)[0][near]
-    upward = torch.nn.functional.normalize(spheres - touching, dim=-1)[:, 1] > 0.7
-    groups = [_contact_group(names[int(body.joint[i])], bool(up)) for i, up in zip(near, upward, strict=True)]
-    kept = torch.tensor([k for k, group in enumerate(groups) if group], dtype=torch.long)
-    near, touching, groups = near[kept], touching[kept], [group for group in groups if group]
-    joint = body.joint[near]
-    offset = _in_joint_frame(figure, joint, touching)
-    joint, offset, groups = _widened(joint, offset, groups, names)
+    group = [_contact_group(names[int(body.joint[i])], bool(n[1] > UPWARD)) for i, n in zip(near, normal, strict=True)]
+    kept = torch.tensor([k for k, g in enumerate(group) if g is not None], dtype=torch.long)
+    source, sideways = _widened(body.joint[near[kept]], names)
+    kept = kept[source]
+    joint, normal = body.joint[near[kept]], normal[kept]
+    on_surface = (
+        body.on(figure)[0, near[kept]] - gap[kept, None] * normal + sideways[:, None] * figure.axes[0, joint, :, 0]
+    )
+    # Where the body's surface is when it presses no deeper than it should.
+    pressing = (gap[kept] - body.radius[near[kept]] + PRESS).clamp(max=0.0)[:, None] * normal
     soles = _soles(figure, floor_height)
+    groups = torch.tensor([group[k] for k in kept] + [FLOOR] * len(soles))
+    points = torch.cat([on_surface + pressing, _dropped(figure.positions[0, soles], floor_height)])
     joint = torch.cat([joint, soles])
-    offset = torch.cat([offset, _in_joint_frame(figure, soles, _dropped(figure.positions[0, soles], floor_height))])
-    groups += ["floor"] * len(soles)
-    on_floor = torch.tensor([group == "floor" for group in groups])
-    rest = torch.where(on_floor, 0.0, distance.query(figure.attached(joint, offset))[0])
-    weight = torch.tensor([GROUP_WEIGHTS[g] / groups.count(g) for g in groups])
-    return Contacts(joint, offset, rest, weight, on_floor, tuple(groups))
+    weight = torch.tensor(GROUP_WEIGHTS)[groups] / torch.bincount(groups, minlength=len(GROUPS))[groups]
+    rest = torch.cat([distance.query(on_surface), torch.zeros(len(soles))])
+    return Contacts(joint[None], _in_joint_frame(figure, joint, points)[None], rest[None], weight[None], groups[None])
 
 
-def _widened(
-    joint: Tensor, offset: Tensor, groups: list[str], names: tuple[str, ...]
-) -> tuple[Tensor, Tensor, list[str]]:
-    """Every contact of the trunk, whose capsules are thin, as two at the width of the ribs: they hold its heading."""
-    wide = [names[int(j)] in _TRUNK for j in joint]
-    count = torch.tensor([2 if w else 1 for w in wide])
-    side = torch.cat([torch.tensor([-RIBS, RIBS] if w else [0.0]) for w in wide]) if wide else torch.zeros(0)
-    moved = offset.repeat_interleave(count, 0) + side[:, None] * torch.tensor([1.0, 0.0, 0.0])
-    return joint.repeat_interleave(count), moved, [g for g, w in zip(groups, wide, strict=True) for _ in range(1 + w)]
+def _widened(joint: Tensor, names: tuple[str, ...]) -> tuple[Tensor, Tensor]:
+    """Every contact of the trunk, whose capsules are thin, as two at the width of the ribs: they hold its heading.
+
+    Returns which contact each comes from, and how far to the side it lies [m].
+    """
+    sides = [(-RIBS, RIBS) if names[int(j)] in _TRUNK else (0.0,) for j in joint]
+    source = torch.tensor([k for k, side in enumerate(sides) for _ in side], dtype=torch.long)
+    return source, torch.tensor([x for side in sides for x in side])
 
 
-def _contact_group(bone: str, upward: bool) -> str:
-    """What a contact does for the body; "" when it does nothing, as a calf that brushes the seat's front."""
+def _contact_group(bone: str, upward: bool) -> int | None:
+    """What a contact does for the body; None when it does nothing, as a calf that brushes the seat's front."""
     if bone.endswith(_ARMS):
-        return "arms"
+        return ARMS
     if upward:
-        return "support"
-    return "" if bone.endswith(_LEGS) else "lean"
+        return SUPPORT
+    return None if bone.endswith(_LEGS) else LEAN
 
 
 def _soles(figure: Figure, floor_height: float) -> Tensor:

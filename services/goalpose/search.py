@@ -7,10 +7,11 @@ import torch
 from character.rotation import quat_from_yaw, quat_mul, quat_rotate
 from torch import Tensor
 
-from goalpose.candidates import Candidates, distinct
-from goalpose.energy.figure import Figure, figure_from_pose
+from goalpose.candidates import Candidates, candidates_concat, distinct
+from goalpose.energy.figure import Figure, figure_concat, figure_from_pose
 from goalpose.energy.total import ReferenceModel, Settings, Target, total_energy, without_descriptor
 from goalpose.legs import settle_legs
+from goalpose.progress import Watch
 
 
 def headings(count: int, first: float) -> Tensor:
@@ -19,16 +20,16 @@ def headings(count: int, first: float) -> Tensor:
 
 
 def placed_figures(model: ReferenceModel, places: Tensor, turns: Tensor, floor_height: float) -> Figure:
-    """The reference, turned and put with the hip above each place, legs settled to the floor. -> K * H poses.
+    """The one reference of `model`, turned and put with the hip above each place, legs settled to the floor.
 
-    `places` [K, 3] surface points [m], `turns` [H] [rad] on top of the reference's own heading.
+    `places` [K, 3] surface points [m], `turns` [H] [rad] on top of the reference's own heading. -> K * H poses.
     """
-    root = places + torch.tensor([0.0, model.hip_height, 0.0])
+    root = places + torch.tensor([0.0, float(model.hip_height), 0.0])
     upright = model.figure.rotations.expand(len(places), -1, -1)
     settled = figure_from_pose(model.skeleton, root, upright)
     soles = model.contacts.joint[model.contacts.on_floor]
     if len(soles):
-        ankle = float(model.figure.positions[0, soles, 1].max()) - model.floor_height
+        ankle = float(model.figure.positions[0, soles, 1].max() - model.floor_height)
         settled = settle_legs(settled, floor_height, ankle_height=ankle)
     return turned_figures(settled, turns)
 
@@ -56,13 +57,15 @@ def turned_figures(figure: Figure, turns: Tensor) -> Figure:
 
 @torch.no_grad()
 def evaluate(
-    figure: Figure, model: ReferenceModel, target: Target, settings: Settings, *, chunk: int = 1024
+    figure: Figure, reference: Tensor, model: ReferenceModel, target: Target, settings: Settings, *, chunk: int = 1024
 ) -> Candidates:
-    """Energies of many poses, in chunks to bound the memory."""
-    starts = range(0, len(figure), chunk)
-    parts = [total_energy(figure[slice(i, i + chunk)], model, target, settings) for i in starts]
-    terms = {name: torch.cat([part[1][name] for part in parts]) for name in parts[0][1]}
-    return Candidates(figure, torch.cat([part[0] for part in parts]), terms)
+    """Energies of many poses made from the references `reference` [B], in chunks to bound the memory."""
+    parts = []
+    for start in range(0, len(figure), chunk):
+        now = slice(start, start + chunk)
+        energy, terms = total_energy(figure[now], model.of(reference[now]), target, settings)
+        parts.append(Candidates(figure[now], reference[now], energy, terms))
+    return candidates_concat(parts)
 
 
 def coarse_search(
@@ -73,18 +76,29 @@ def coarse_search(
     places: Tensor,
     turns: Tensor,
     shortlist: int,
-    keep: int,
+    watch: Watch,
 ) -> Candidates:
-    """The best `keep` distinct rigid placements: `shortlist` of them by geometry, those then by the whole energy."""
-    weights = settings.weights
-    figure = placed_figures(model, places, turns, target.floor_height)
+    """Rigid placements of every reference: the `shortlist` distinct ones of each by geometry, with the whole energy."""
     # Rigid moves hardly change the terms of the body alone; contacts and penetration imply the clearance.
     cheap = replace(
-        settings,
-        weights=replace(weights, prior=0.0, angle_limit=0.0, gravity=0.0, self_collision=0.0, floor=0.0, clearance=0.0),
+        without_descriptor(settings).weights,
+        prior=0.0,
+        angle_limit=0.0,
+        gravity=0.0,
+        self_collision=0.0,
+        floor=0.0,
+        clearance=0.0,
     )
-    if weights.contact or weights.penetration:
-        candidates = evaluate(figure, model, target, without_descriptor(cheap))
-        figure = figure[distinct(candidates, shortlist, reach=0.06, angle=0.3)]
-    candidates = evaluate(figure, model, target, settings)
-    return candidates.picked(distinct(candidates, keep))
+    figures, references = [], []
+    for index in range(len(model)):
+        watch.check()
+        one = model[slice(index, index + 1)]
+        figure = placed_figures(one, places, turns, target.floor_height)
+        reference = torch.full((len(figure),), index)
+        if cheap.contact or cheap.penetration:
+            found = evaluate(figure, reference * 0, one, target, replace(settings, weights=cheap))
+            chosen = distinct(found, shortlist, reach=0.06, angle=0.3)
+            figure, reference = figure[chosen], reference[chosen]
+        figures.append(figure)
+        references.append(reference)
+    return evaluate(figure_concat(figures), torch.cat(references), model, target, settings)

@@ -11,12 +11,11 @@ from threading import Lock
 
 import torch
 from character.pose import Pose
-from torch import Tensor
 
 from goalpose.candidates import Candidates, facing_yaw
 from goalpose.diagnostics import PoseWarning, diagnose, warn
 from goalpose.energy.descriptor import DescriptorField
-from goalpose.energy.total import ReferenceModel, Target
+from goalpose.energy.total import ReferenceModel, Target, models_stack
 from goalpose.field.field import Field
 from goalpose.objects import Shape
 from goalpose.paper_solver import PaperConfig, solve_paper
@@ -24,7 +23,7 @@ from goalpose.places import find_places
 from goalpose.progress import Listener, Progress, Watch
 from goalpose.reference_model import model_reference
 from goalpose.references import ACTIONS, ReferencePair, load_references
-from goalpose.solver import SolverConfig, best_after_trial, reference_fit, refine, start_placements, survey
+from goalpose.solver import SolverConfig, solve
 
 SOLVERS = ("default", "paper")
 ENCODER_POINTS = 1500
@@ -165,37 +164,26 @@ class Synthesizer:
                 self._models[key] = model_reference(pair, self.field, samples=samples, seed=seed, points=ENCODER_POINTS)
             return self._models[key]
 
+    def _stacked(self, pairs: list[ReferencePair], seed: int, samples: int) -> ReferenceModel:
+        """Several reference pairs as one model."""
+        return models_stack([self.model(pair, seed, samples) for pair in pairs])
+
     def _solve_default(
         self, shape: Shape, target: Target, pairs: list[ReferencePair], request: GoalPoseRequest, watch: Watch
     ) -> tuple[ReferencePair, Candidates]:
-        config = self.config
-        keep = request.restarts or config.rigid.keep
         places = find_places(shape)
         if not len(places):
             places = torch.tensor(shape.bounds.mean(0), dtype=torch.float32)[None]
-        first = request.initial_yaw or 0.0
-        pair = pairs[0] if len(pairs) == 1 else self._best_fitting(pairs, target, request.seed, places, first, watch)
-        model = self.model(pair, request.seed, config.samples)
-        starts = start_placements(model, target, config, places=places, initial_yaw=first, keep=keep)
-        return pair, refine(starts, model, target, config, watch)
-
-    def _best_fitting(
-        self, pairs: list[ReferencePair], target: Target, seed: int, places: Tensor, first: float, watch: Watch
-    ) -> ReferencePair:
-        """The reference that a rough survey and, for the most promising, a few steps of optimisation fit best."""
-        found = []
-        for pair in pairs:
-            watch.check()
-            model = self.model(pair, seed, self.config.samples)
-            starts = survey(model, target, self.config, places=places, initial_yaw=first)
-            found.append((reference_fit(starts), pair, starts))
-        found.sort(key=lambda item: item[0])
-        tried = []
-        for _, pair, starts in found[: self.config.contenders]:
-            watch.check()
-            model = self.model(pair, seed, self.config.samples)
-            tried.append((best_after_trial(starts, model, target, self.config), pair))
-        return min(tried, key=lambda item: item[0])[1]
+        found = solve(
+            self._stacked(pairs, request.seed, self.config.samples),
+            target,
+            self.config,
+            places=places,
+            initial_yaw=request.initial_yaw or 0.0,
+            watch=watch,
+            keep=request.restarts,
+        )
+        return pairs[int(found.reference[0])], found
 
     def _solve_paper(
         self, shape: Shape, target: Target, pairs: list[ReferencePair], request: GoalPoseRequest, watch: Watch

@@ -11,11 +11,11 @@ from functools import cache
 from pathlib import Path
 
 import torch
-from character.rotation import quat_inv, quat_mul, quat_to_rotvec
+from character.rotation import quat_from_rotvec, quat_inv, quat_mul, quat_to_rotvec
 from character.skeleton import Skeleton
 from torch import Tensor
 
-from goalpose.energy.figure import Figure
+from goalpose.energy.rows import Bend, squares
 
 LIMITS_FILE = Path(__file__).parent / "angle_limits.json"
 RELAXATION = 0.1745  # 10 degrees [rad], supplement C
@@ -70,6 +70,20 @@ def angle_excess(rotations: Tensor, limits: AngleLimits) -> Tensor:
     return (angles - limits.high).clamp(min=0.0) - (limits.low - angles).clamp(min=0.0)
 
 
-def angle_limit_energy(figure: Figure, limits: AngleLimits) -> Tensor:
-    """E_a = mean_j sum of squared excess over the three bounds of joint j. -> [B] [rad^2]."""
-    return angle_excess(figure.rotations[:, limits.joint], limits).square().sum(-1).mean(-1)
+def angle_limit(excess: Tensor) -> Bend:
+    """E_a = mean_j sum of squared excess over the three bounds of joint j [rad^2]. `excess` [B, K, 3] [rad]."""
+    return squares(excess.flatten(1), 1.0 / excess.shape[1])
+
+
+def excess_and_motion(rotations: Tensor, limits: AngleLimits) -> tuple[Tensor, Tensor]:
+    """Excess [B, K, 3] of local rotations [B, J, 4], and how it moves [B, 3 K, N]: by differences in the joint's own
+    rotation vector, the only one that counts."""
+    step, bounded = 1e-3, rotations[:, limits.joint]
+    nudges = torch.cat([torch.zeros(1, 3), step * torch.eye(3)])[:, None, None]
+    excess = angle_excess(quat_mul(bounded, quat_from_rotvec(nudges)), limits)  # [4, B, K, 3]
+    slopes = ((excess[1:] - excess[0]) / step).permute(1, 2, 3, 0)  # [B, K, bound, axis]
+    batch, count = bounded.shape[:2]
+    motion = torch.zeros(batch, count, 3, 3 + 3 * rotations.shape[1])
+    columns = 3 + 3 * limits.joint[:, None] + torch.arange(3)  # [K, axis]
+    motion.scatter_(3, columns[None, :, None].expand(batch, -1, 3, -1), slopes)
+    return excess[0], motion.flatten(1, 2)

@@ -7,32 +7,18 @@ objects unlike any that the field was trained on.
 
 from torch import Tensor
 
-from goalpose.energy.contact import robust
-from goalpose.energy.figure import Figure
-from goalpose.energy.penetration import BodyPoints
-from goalpose.energy.pull import Pull, SignedDistance, distance_and_normal
+from goalpose.energy.rows import Bend, robust
 
 FAR = 0.4  # [m] beyond this all distances count as equal
 SCALE = 0.1  # [m] of the Geman-McClure function: beyond it a difference is a difference
 
 
-def clearances(figure: Figure, body: BodyPoints, distance: SignedDistance) -> Tensor:
-    """Signed distance of every sphere's centre, at most `FAR`. -> [B, P] [m]."""
-    return distance.query(figure.attached(body.joint, body.offset)).clamp(max=FAR)
+def clearance(distance: Tensor, reference: Tensor) -> Bend:
+    """E_n = mean_p e_p^2 / (e_p^2 + s^2), e_p the difference in clearance: in [0, 1].
 
-
-def clearance_energy(figure: Figure, body: BodyPoints, distance: SignedDistance, reference: Tensor) -> Tensor:
-    """E_n = mean_p e_p^2 / (e_p^2 + s^2), e_p the difference in clearance. `reference` [P] [m] -> [B] in [0, 1]."""
-    return robust(clearances(figure, body, distance) - reference, SCALE).mean(-1)
-
-
-def clearance_pull(
-    figure: Figure, body: BodyPoints, distance: SignedDistance, reference: Tensor
-) -> tuple[Tensor, Pull]:
-    """E_n [B] and its pull."""
-    points = figure.attached(body.joint, body.offset)
-    value, normal = distance_and_normal(distance, points)
-    difference = value.clamp(max=FAR) - reference
-    firm = 2 * SCALE**2 / (difference.square() + SCALE**2).square() / len(body.joint) * (value < FAR)
-    pull = Pull(body.joint, points, (firm * difference)[..., None] * normal, firm, normal)
-    return robust(difference, SCALE).mean(-1), pull
+    `distance` [B, P] of the body's spheres from the object [m], `reference` [1 or B, P] the same in the reference
+    pair, at most `FAR`.
+    """
+    found = robust(distance.clamp(max=FAR) - reference, SCALE, 1.0 / distance.shape[-1])
+    near = distance < FAR
+    return Bend(found.energy, found.slope * near, found.stiffness * near)

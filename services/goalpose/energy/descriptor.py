@@ -7,8 +7,9 @@ import torch
 from character.skeleton import Skeleton
 from torch import Tensor
 
+from goalpose.energy.chain import Chain
 from goalpose.energy.figure import Figure
-from goalpose.energy.pull import Pull
+from goalpose.energy.rows import Rows
 
 LIMBS = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
 
@@ -45,12 +46,8 @@ class Probes:
 
     def thinned(self, samples: int) -> Tensor:
         """Indices of the first `samples` points of every centre."""
-        rank = torch.zeros_like(self.centre)
-        seen: dict[int, int] = {}
-        for i, c in enumerate(self.centre.tolist()):
-            rank[i] = seen.get(c, 0)
-            seen[c] = seen.get(c, 0) + 1
-        return torch.nonzero(rank < samples)[:, 0]
+        own = self.centre == self.centre[:, None]
+        return torch.nonzero(own.tril().sum(1) <= samples)[:, 0]
 
 
 def make_probes(skeleton: Skeleton, *, samples: int, sigma: float = 0.025, seed: int = 0) -> Probes:
@@ -99,33 +96,40 @@ def pose_descriptor(
 def descriptor_energy(values: Tensor, reference: Tensor, weight: Tensor) -> Tensor:
     """E_d = sum_p w_p |Z'_p - Z_p|_1 / sqrt(D). -> [B].
 
-    `values` [B, P, D], `reference` [P, D], `weight` [P] summing to 1 (paper: omega_j / number of joints). Division
-    by sqrt(D) instead of D keeps the term of the order of the descriptors' angle whatever the field's size.
+    `values` [B, P, D], `reference` [1 or B, P, D], `weight` [1 or B, P] summing to 1 (paper: omega_j / number of
+    joints). Division by sqrt(D) instead of D keeps the term of the order of the descriptors' angle whatever the
+    field's size.
     """
-    residual = (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5
-    return (residual * weight).sum(-1)
+    return (_residual(values, reference) * weight).sum(-1)
 
 
-def descriptor_pull(
+def _residual(values: Tensor, reference: Tensor) -> Tensor:
+    """|Z' - Z|_1 / sqrt(D) of every probe. -> [B, P]."""
+    return (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5
+
+
+def descriptor_rows(
     field: DescriptorField,
     latent: Any,
     figure: Figure,
+    chain: Chain,
     probes: Probes,
     chosen: Tensor,
     reference: Tensor,
     weight: Tensor,
-) -> tuple[Tensor, Pull]:
-    """E_d [B] and its pull.
+) -> tuple[Tensor, Rows]:
+    """E_d of the `chosen` probes [B], and its rows. `reference` and `weight` as in `descriptor_energy`.
 
     A point's residual is like a distance, E ~ k |x - x*|; reweighted least squares then has the stiffness |dE/dx|^2
     / E.
     """
     joint = probes.joint[chosen]
-    points = figure.attached(joint, probes.offset[chosen]).detach()
-    leaf = points.reshape(1, -1, 3).requires_grad_(True)
-    values = field.descriptor(latent, leaf).reshape(*points.shape[:2], -1)
-    each = (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5 * weight
-    (force,) = torch.autograd.grad(each.sum(), leaf)
-    force = force.reshape(points.shape)
-    each = each.detach()
-    return each.sum(-1), Pull(joint, points, force, force.square().sum(-1) / each.clamp(min=1e-9))
+    points = figure.attached(joint, probes.offset[chosen])
+    with torch.enable_grad():
+        leaf = points.reshape(1, -1, 3).requires_grad_(True)
+        values = field.descriptor(latent, leaf).reshape(*points.shape[:2], -1)
+        each = _residual(values, reference) * weight
+        (force,) = torch.autograd.grad(each.sum(), leaf)
+    force, each = force.reshape(points.shape), each.detach()
+    stiffness = force.square().sum(-1) / each.clamp(min=1e-9)
+    return each.sum(-1), Rows(chain.anyhow(joint, points), force.flatten(1), stiffness.repeat_interleave(3, dim=1))

@@ -8,8 +8,8 @@ target's; a reference without a front (a stool's) fits an object with one as bad
 from character.rotation import quat_inv, quat_rotate
 from torch import Tensor
 
-from goalpose.energy.chain import point_motion
 from goalpose.energy.figure import Figure
+from goalpose.energy.rows import Bend, squares
 
 
 def front_seen_by_pelvis(figure: Figure, front: Tensor) -> Tensor:
@@ -17,20 +17,11 @@ def front_seen_by_pelvis(figure: Figure, front: Tensor) -> Tensor:
     return quat_rotate(quat_inv(figure.orientations[:1, 0]), front[None])[0]
 
 
-def facing_energy(figure: Figure, carried: Tensor, front: Tensor) -> Tensor:
-    """E_o = |R_pelvis c - f|^2 for the carried front c [3] and the target's front f [3]. -> [B] [1]."""
-    return (_world(figure, carried) - front).square().sum(-1)
+def carried_front(figure: Figure, carried: Tensor) -> Tensor:
+    """The reference's front in the world, carried [1 or B, 3] by the pelvis. -> [B, 1, 3]."""
+    return (figure.axes[:, 0] @ carried[..., None]).transpose(1, 2)
 
 
-def facing_rows(figure: Figure, carried: Tensor, front: Tensor) -> tuple[Tensor, Tensor]:
-    """Residuals [B, 3] and their motion [B, 3, N], for Gauss-Newton."""
-    world = _world(figure, carried)
-    origin = figure.positions[:, :1]
-    joint = figure.skeleton.index("hips")
-    ahead = point_motion(figure, origin.new_tensor([joint]).long(), origin + world[:, None])
-    here = point_motion(figure, origin.new_tensor([joint]).long(), origin)
-    return world - front, (ahead - here).flatten(1, 2)
-
-
-def _world(figure: Figure, carried: Tensor) -> Tensor:
-    return quat_rotate(figure.orientations[:, 0], carried.expand(len(figure), 3))
+def facing(seen: Tensor, front: Tensor) -> Bend:
+    """E_o = |R_pelvis c - f|^2 for the carried front `seen` [B, 1, 3] and the target's `front` f [3]; unit 1."""
+    return squares((seen - front).flatten(1))

@@ -1,10 +1,11 @@
 """A batch of candidate poses after forward kinematics: what every energy term looks at."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from character.kinematics import forward_kinematics
-from character.rotation import quat_rotate
+from character.rotation import quat_to_matrix
 from character.skeleton import Skeleton
 from torch import Tensor
 
@@ -19,9 +20,25 @@ class Figure:
     positions: Tensor  # [B, J, 3] world [m]
     orientations: Tensor  # [B, J, 4] xyzw, world
 
+    @cached_property
+    def axes(self) -> Tensor:
+        """World orientations as matrices [B, J, 3, 3]: the columns are the joints' axes."""
+        return quat_to_matrix(self.orientations)
+
     def attached(self, joints: Tensor, offsets: Tensor) -> Tensor:
-        """World positions of points fixed to joints. `joints` [P], `offsets` [P, 3] (joint frame) -> [B, P, 3] [m]."""
-        return self.positions[:, joints] + quat_rotate(self.orientations[:, joints], offsets)
+        """World positions of points fixed to joints. `joints` [P] or [B, P], `offsets` [..., P, 3] (joint frame).
+
+        -> [B, P, 3] [m].
+        """
+        return self.of(self.positions, joints) + self.directed(joints, offsets)
+
+    def directed(self, joints: Tensor, vectors: Tensor) -> Tensor:
+        """World directions of vectors fixed to joints, as `attached`. -> [B, P, 3]."""
+        return (self.of(self.axes, joints) @ vectors[..., None])[..., 0]
+
+    def of(self, values: Tensor, joints: Tensor) -> Tensor:
+        """The values [B, J, ...] of joints [P], or of those that each pose names, [B, P]. -> [B, P, ...]."""
+        return values[:, joints] if joints.dim() == 1 else values[torch.arange(len(joints))[:, None], joints]
 
     def __len__(self) -> int:
         return self.root_position.shape[0]

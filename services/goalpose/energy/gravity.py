@@ -4,22 +4,35 @@ Furniture stands upright in the world, so a sitter's tilt against gravity is par
 blind to gravity by design, let near-symmetric objects (a cube stool) pull the body over.
 """
 
+import torch
 from character.rotation import quat_inv, quat_rotate
+from character.skeleton import Skeleton
 from torch import Tensor
 
 from goalpose.energy.figure import Figure
+from goalpose.energy.rows import Bend, squares
 
 UPRIGHT_JOINTS = ("hips", "upperChest", "head")
 
 
+def upright_joints(skeleton: Skeleton) -> Tensor:
+    """Pelvis, chest and head. -> [3]."""
+    return torch.tensor(skeleton.indices(UPRIGHT_JOINTS))
+
+
 def gravity_directions(figure: Figure) -> Tensor:
     """World up as seen by pelvis, chest and head: independent of yaw. -> [B, 3, 3]."""
-    joints = figure.skeleton.indices(UPRIGHT_JOINTS)
     up = figure.positions.new_tensor([0.0, 1.0, 0.0])
-    orientations = figure.orientations[:, joints]
+    orientations = figure.orientations[:, upright_joints(figure.skeleton)]
     return quat_rotate(quat_inv(orientations), up.expand(*orientations.shape[:-1], 3))
 
 
-def gravity_energy(figure: Figure, reference: Tensor) -> Tensor:
-    """E_g = mean_k |g_k - g_k^ref|^2, about the squared tilt for small angles. `reference` [3, 3] -> [B] [rad^2]."""
-    return (gravity_directions(figure) - reference).square().sum(-1).mean(-1)
+def carried_up(figure: Figure, reference: Tensor) -> Tensor:
+    """The reference's up directions [1 or B, 3, 3], carried by its joints, in the world. -> [B, 3, 3]."""
+    return figure.directed(upright_joints(figure.skeleton), reference)
+
+
+def gravity(carried: Tensor) -> Bend:
+    """E_g = mean_k |g_k - g_k^ref|^2, about the squared tilt for small angles [rad^2], of `carried` up [B, 3, 3]."""
+    up = carried.new_tensor([0.0, 1.0, 0.0])
+    return squares((carried - up).flatten(1), 1.0 / carried.shape[1])

@@ -6,8 +6,9 @@ import torch
 from character.body import Capsules
 from torch import Tensor
 
+from goalpose.energy.distance import SignedDistance
 from goalpose.energy.figure import Figure
-from goalpose.energy.pull import Pull, SignedDistance, distance_and_normal
+from goalpose.energy.rows import Bend
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +19,10 @@ class BodyPoints:
     offset: Tensor  # [P, 3] in the joint's frame [m]
     radius: Tensor  # [P] [m]
     capsule: Tensor  # [P] index of the capsule that a point belongs to
+
+    def on(self, figure: Figure) -> Tensor:
+        """The spheres' centres [B, P, 3] [m]."""
+        return figure.attached(self.joint, self.offset)
 
 
 def body_points(capsules: Capsules, *, spacing: float = 0.07) -> BodyPoints:
@@ -36,21 +41,14 @@ def body_points(capsules: Capsules, *, spacing: float = 0.07) -> BodyPoints:
 
 def penetration_depths(figure: Figure, body: BodyPoints, distance: SignedDistance) -> Tensor:
     """How deep each sphere lies in the object, 0 when it does not. -> [B, P] [m]."""
-    return (body.radius - distance.query(figure.attached(body.joint, body.offset))).clamp(min=0.0)
+    return (body.radius - distance.query(body.on(figure))).clamp(min=0.0)
 
 
-def penetration_energy(figure: Figure, body: BodyPoints, distance: SignedDistance, allowance: Tensor) -> Tensor:
-    """E_c = mean_p max(r_p - d(x_p) - a_p, 0)^2. `allowance` a [P] [m]: flesh and cushions give. -> [B] [m^2]."""
-    return (penetration_depths(figure, body, distance) - allowance).clamp(min=0.0).square().mean(-1)
+def penetration(distance: Tensor, radius: Tensor, allowance: Tensor) -> Bend:
+    """E_c = mean_p max(r_p - d_p - a_p, 0)^2 [m^2].
 
-
-def penetration_pull(
-    figure: Figure, body: BodyPoints, distance: SignedDistance, allowance: Tensor
-) -> tuple[Tensor, Pull]:
-    """E_c [B] and its pull."""
-    points = figure.attached(body.joint, body.offset)
-    value, normal = distance_and_normal(distance, points)
-    depth = (body.radius - value - allowance).clamp(min=0.0)
-    share = 2.0 / len(body.joint)
-    pull = Pull(body.joint, points, -share * depth[..., None] * normal, share * (depth > 0), normal)
-    return depth.square().mean(-1), pull
+    `distance` [B, P] of the spheres' centres, their `radius` [P], `allowance` a [1 or B, P]: flesh and cushions give.
+    """
+    depth = (radius - distance - allowance).clamp(min=0.0)
+    share = 2.0 / distance.shape[-1]
+    return Bend(depth.square().mean(-1), -share * depth, share * (depth > 0))

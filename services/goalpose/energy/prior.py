@@ -5,6 +5,7 @@ from character.kinematics import forward_kinematics
 from torch import Tensor
 
 from goalpose.energy.figure import Figure
+from goalpose.energy.rows import Bend, squares
 
 
 def canonical_positions(figure: Figure) -> Tensor:
@@ -16,6 +17,15 @@ def canonical_positions(figure: Figure) -> Tensor:
     return positions
 
 
-def prior_energy(figure: Figure, reference: Tensor) -> Tensor:
-    """E_r = mean_j |F(P'_c)_j - F(P_c)_j|^2. `reference` [J, 3] canonical positions -> [B] [m^2]."""
-    return (canonical_positions(figure) - reference).square().sum(-1).mean(-1)
+def prior(figure: Figure, reference: Tensor) -> Bend:
+    """E_r = mean_j |F(P'_c)_j - F(P_c)_j|^2 [m^2]. `reference` [1 or B, J, 3] canonical positions [m].
+
+    The differences are taken in the world's axes, around the root: turning both changes no length.
+    """
+    expected = figure.positions[:, :1] + reference @ figure.axes[:, 0].transpose(-1, -2)
+    return squares((figure.positions - expected).flatten(1), 1.0 / figure.positions.shape[1])
+
+
+def prior_motion(motion: Tensor) -> Tensor:
+    """How the differences move, from how the joints do [B, 3 J, N]: the root itself does not count."""
+    return torch.cat([torch.zeros_like(motion[..., :6]), motion[..., 6:]], dim=-1)

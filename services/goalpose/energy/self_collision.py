@@ -4,8 +4,12 @@ import torch
 from character.skeleton import Skeleton
 from torch import Tensor
 
+from goalpose.energy.chain import Chain
 from goalpose.energy.figure import Figure
 from goalpose.energy.penetration import BodyPoints
+from goalpose.energy.rows import Rows
+
+PAIRS = 12  # colliding pairs of spheres that the expansion looks at
 
 
 def collision_pairs(skeleton: Skeleton, body: BodyPoints, rest: Figure) -> Tensor:
@@ -13,7 +17,7 @@ def collision_pairs(skeleton: Skeleton, body: BodyPoints, rest: Figure) -> Tenso
     hops = _joint_hops(skeleton)
     i, j = torch.triu_indices(len(body.joint), len(body.joint), 1)
     apart = hops[body.joint[i], body.joint[j]] > 2
-    points = rest.attached(body.joint, body.offset)[0]
+    points = body.on(rest)[0]
     gap = (points[i] - points[j]).norm(dim=-1) - body.radius[i] - body.radius[j]
     keep = apart & (gap > 0)
     return torch.stack([i[keep], j[keep]])
@@ -30,27 +34,32 @@ def _joint_hops(skeleton: Skeleton) -> Tensor:
     return torch.where(torch.eye(count, dtype=torch.bool), 0, torch.where(adjacent, 1, torch.where(two, 2, 3)))
 
 
-def pair_depths(figure: Figure, body: BodyPoints, pairs: Tensor) -> Tensor:
-    """How far the spheres of each pair overlap; negative: the gap between them. `pairs` [2, M] -> [B, M] [m]."""
-    points = figure.attached(body.joint, body.offset)
+def pair_depths(points: Tensor, body: BodyPoints, pairs: Tensor) -> Tensor:
+    """How far the spheres at `points` [B, P, 3] of each pair [2, M] overlap; negative: the gap. -> [B, M] [m]."""
     apart = (points[:, pairs[0]] - points[:, pairs[1]]).square().sum(-1).add(1e-9).sqrt()
     return body.radius[pairs[0]] + body.radius[pairs[1]] - apart
 
 
-def self_collision_energy(figure: Figure, body: BodyPoints, pairs: Tensor, allowance: Tensor) -> Tensor:
-    """E_x = sum over pairs of max(overlap - b, 0)^2; `allowance` b [M] [m]: hands press into thighs. -> [B] [m^2]."""
-    return (pair_depths(figure, body, pairs) - allowance).clamp(min=0.0).square().sum(-1)
+def self_collision_energy(points: Tensor, body: BodyPoints, pairs: Tensor, allowance: Tensor) -> Tensor:
+    """E_x = sum over pairs of max(overlap - b, 0)^2 [m^2]; `allowance` b [1 or B, M] [m]: hands press into thighs.
 
-
-def deepest_pairs(
-    figure: Figure, body: BodyPoints, pairs: Tensor, allowance: Tensor, count: int
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The `count` pairs of every candidate that overlap most.
-
-    Returns overlaps [B, count] [m] (negative: a gap), first and second sphere [B, count], and all spheres [B, P, 3].
+    -> [B].
     """
-    points = figure.attached(body.joint, body.offset)
+    return (pair_depths(points, body, pairs) - allowance).clamp(min=0.0).square().sum(-1)
+
+
+def self_collision_rows(
+    chain: Chain, points: Tensor, body: BodyPoints, pairs: Tensor, allowance: Tensor, weight: float
+) -> tuple[Tensor, Rows]:
+    """`weight` E_x of the `PAIRS` pairs of every pose that overlap most [B], and its rows."""
     apart = torch.cdist(points, points, compute_mode="donot_use_mm_for_euclid_dist")
     depth = (body.radius[pairs[0]] + body.radius[pairs[1]] - allowance) - apart[:, pairs[0], pairs[1]]
-    overlap, which = depth.topk(min(count, depth.shape[1]), dim=-1)
-    return overlap, pairs[0][which], pairs[1][which], points
+    overlap, which = depth.topk(min(PAIRS, depth.shape[1]), dim=-1)
+    overlap = overlap.clamp(min=0.0)
+    first, second = pairs[0][which], pairs[1][which]
+    batch = torch.arange(len(points))[:, None]
+    a, b = points[batch, first], points[batch, second]
+    normal = torch.nn.functional.normalize(b - a, dim=-1) * (overlap > 0)[..., None]
+    motion = chain.along(body.joint[first], a, normal) - chain.along(body.joint[second], b, normal)
+    slope = 2 * weight * overlap
+    return weight * overlap.square().sum(-1), Rows(motion, slope, 2 * weight * (overlap > 0))

@@ -9,12 +9,9 @@ import torch
 from character.skeleton import Skeleton
 from torch import Tensor
 
-from goalpose.energy.chain import point_motion
-from goalpose.energy.clearance import FAR, SCALE, clearances
-from goalpose.energy.contact import robust
-from goalpose.energy.figure import Figure
+from goalpose.energy.clearance import FAR, SCALE
 from goalpose.energy.penetration import BodyPoints
-from goalpose.energy.pull import SignedDistance, distance_and_normal
+from goalpose.energy.rows import Bend, robust
 
 
 def mirrored_pairs(skeleton: Skeleton, body: BodyPoints) -> Tensor:
@@ -27,25 +24,17 @@ def mirrored_pairs(skeleton: Skeleton, body: BodyPoints) -> Tensor:
     return torch.stack([first, image[first]])
 
 
-def symmetry_energy(
-    figure: Figure, body: BodyPoints, distance: SignedDistance, reference: Tensor, pairs: Tensor
-) -> Tensor:
-    """E_b = mean over pairs of u^2 / (u^2 + s^2), u the difference of the two sides' change in clearance. -> [B]."""
-    change = clearances(figure, body, distance) - reference
-    return robust(change[:, pairs[0]] - change[:, pairs[1]], SCALE).mean(-1)
+def symmetry(distance: Tensor, reference: Tensor, pairs: Tensor) -> Bend:
+    """E_b = mean over pairs of u^2 / (u^2 + s^2), u the difference of the two sides' change in clearance: in [0, 1].
+
+    `distance` [B, P] of the body's spheres [m], `reference` [1 or B, P], `pairs` [2, M]; bends in u [B, M], which
+    moves as the left distance less the right one, each as long as it is below `FAR`.
+    """
+    change = distance.clamp(max=FAR) - reference
+    return robust(change[:, pairs[0]] - change[:, pairs[1]], SCALE, 1.0 / pairs.shape[1])
 
 
-def symmetry_rows(
-    figure: Figure, body: BodyPoints, distance: SignedDistance, reference: Tensor, pairs: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
-    """E_b [B], and residuals [B, M] with Jacobians [B, M, N] whose halved squares have its gradient."""
-    points = figure.attached(body.joint, body.offset)
-    value, normal = distance_and_normal(distance, points)
-    change = value.clamp(max=FAR) - reference
-    normal = normal * (value < FAR)[..., None]
-    u = change[:, pairs[0]] - change[:, pairs[1]]
-    sides = [
-        (point_motion(figure, body.joint[side], points[:, side]) * normal[:, side, :, None]).sum(-2) for side in pairs
-    ]
-    firm = (2 * SCALE**2 / pairs.shape[1]) ** 0.5 / (u.square() + SCALE**2)
-    return robust(u, SCALE).mean(-1), firm * u, firm[..., None] * (sides[0] - sides[1])
+def symmetry_motion(motion: Tensor, distance: Tensor, pairs: Tensor) -> Tensor:
+    """How u moves, from how the distances do: `motion` [B, P, N] -> [B, M, N]."""
+    near = motion * (distance < FAR)[..., None]
+    return near[:, pairs[0]] - near[:, pairs[1]]

@@ -1,5 +1,6 @@
 """The whole objective (paper Eq. 6 and the terms beyond it) for a batch of candidate poses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -7,44 +8,83 @@ import torch
 from character.skeleton import Skeleton
 from torch import Tensor
 
-from goalpose.energy.angle_limit import AngleLimits, angle_limit_energy
-from goalpose.energy.clearance import clearance_energy
-from goalpose.energy.contact import Contacts, contact_energy
+from goalpose.energy.angle_limit import AngleLimits, angle_excess, angle_limit
+from goalpose.energy.clearance import clearance
+from goalpose.energy.contact import Contacts, contact, contacts_stack
 from goalpose.energy.descriptor import DescriptorField, Probes, descriptor_energy, pose_descriptor
-from goalpose.energy.facing import facing_energy
-from goalpose.energy.figure import Figure
-from goalpose.energy.floor import floor_energy
-from goalpose.energy.gravity import gravity_energy
-from goalpose.energy.penetration import BodyPoints, penetration_energy
-from goalpose.energy.prior import prior_energy
-from goalpose.energy.pull import SignedDistance
+from goalpose.energy.distance import SignedDistance
+from goalpose.energy.facing import carried_front, facing
+from goalpose.energy.figure import Figure, figure_concat
+from goalpose.energy.floor import floor
+from goalpose.energy.gravity import carried_up, gravity
+from goalpose.energy.penetration import BodyPoints, penetration
+from goalpose.energy.prior import prior
 from goalpose.energy.self_collision import self_collision_energy
-from goalpose.energy.symmetry import symmetry_energy
+from goalpose.energy.symmetry import symmetry
 from goalpose.energy.weights import EnergyWeights
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModel:
-    """What the energy needs to know of a reference pair; computed once, nothing in it carries gradients."""
+    """What the energy needs to know of R reference pairs of one skeleton; nothing in it carries gradients.
+
+    Poses are compared with the one there is (R = 1) or each with its own (R = B, picked with `[which]`).
+    """
 
     skeleton: Skeleton
-    figure: Figure  # [1, ...] the reference pose
-    canonical: Tensor  # [J, 3] joint positions without root transform
-    gravity: Tensor  # [3, 3]
-    front: Tensor  # [3] the front of the reference object in the pelvis frame, as long as it is clear
     probes: Probes
-    descriptors: Tensor  # [P, D]
-    nearness: Tensor  # [P] 1 at the reference object, falling with distance: far descriptors say little
     body: BodyPoints
-    allowance: Tensor  # [body points] [m]
-    contacts: Contacts
-    clearances: Tensor  # [body points] [m]
     mirrored: Tensor  # [2, M] left and right body points
     collision_pairs: Tensor  # [2, M]
-    collision_allowance: Tensor  # [M] [m]
     limits: AngleLimits
-    hip_height: float  # of the hips joint above the surface below it [m]
-    floor_height: float
+    figure: Figure  # the R reference poses
+    canonical: Tensor  # [R, J, 3] joint positions without root transform
+    gravity: Tensor  # [R, 3, 3]
+    front: Tensor  # [R, 3] the front of the reference object in the pelvis frame, as long as it is clear
+    descriptors: Tensor  # [R, P, D]
+    nearness: Tensor  # [R, P] 1 at the reference object, falling with distance: far descriptors say little
+    allowance: Tensor  # [R, body points] [m]
+    contacts: Contacts
+    clearances: Tensor  # [R, body points] [m]
+    collision_allowance: Tensor  # [R, M] [m]
+    hip_height: Tensor  # [R] of the hips joint above the surface below it [m]
+    floor_height: Tensor  # [R]
+
+    def __len__(self) -> int:
+        return len(self.figure)
+
+    def __getitem__(self, index: Tensor | slice) -> "ReferenceModel":
+        return replace(self, **{name: getattr(self, name)[index] for name in _EACH})
+
+    def of(self, which: Tensor) -> "ReferenceModel":
+        """What poses made from the references `which` [B] are compared with."""
+        return self if len(self) == 1 else self[which]
+
+
+_EACH = (
+    "figure",
+    "canonical",
+    "gravity",
+    "front",
+    "descriptors",
+    "nearness",
+    "allowance",
+    "contacts",
+    "clearances",
+    "collision_allowance",
+    "hip_height",
+    "floor_height",
+)
+_STRUCTURED = ("figure", "contacts")
+
+
+def models_stack(models: Sequence[ReferenceModel]) -> ReferenceModel:
+    """Several references of one skeleton, made with the same probes, as one model."""
+    tensors: dict[str, Any] = {
+        name: torch.cat([getattr(m, name) for m in models]) for name in _EACH if name not in _STRUCTURED
+    }
+    figure = figure_concat([m.figure for m in models])
+    return replace(models[0], figure=figure, contacts=contacts_stack([m.contacts for m in models]), **tensors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,56 +112,66 @@ def total_energy(
     figure: Figure, model: ReferenceModel, target: Target, settings: Settings
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """Weighted sum [B] and every weighted term by name [B]; terms of weight 0 are left out."""
-    weights = settings.weights
+    w = settings.weights
     terms: dict[str, Tensor] = {}
-    if weights.descriptor:
-        terms["descriptor"] = weights.descriptor * _descriptor(figure, model, target, settings)
-    if weights.angle_limit:
-        terms["angle_limit"] = weights.angle_limit * angle_limit_energy(figure, model.limits)
-    if weights.floor:
-        terms["floor"] = weights.floor * floor_energy(figure, target.floor_height)
-    if weights.prior:
-        terms["prior"] = weights.prior * prior_energy(figure, model.canonical)
-    if weights.penetration:
-        terms["penetration"] = weights.penetration * penetration_energy(
-            figure, model.body, target.distance, model.allowance
-        )
-    if weights.contact:
-        terms["contact"] = weights.contact * contact_energy(
-            figure, model.contacts, target.distance, target.floor_height
-        )
-    if weights.clearance:
-        energy = clearance_energy(figure, model.body, target.distance, model.clearances)
-        terms["clearance"] = weights.clearance * energy
-    if weights.symmetry:
-        energy = symmetry_energy(figure, model.body, target.distance, model.clearances, model.mirrored)
-        terms["symmetry"] = weights.symmetry * energy
-    if weights.facing:
-        terms["facing"] = weights.facing * facing_energy(figure, model.front, target.front)
-    if weights.gravity:
-        terms["gravity"] = weights.gravity * gravity_energy(figure, model.gravity)
-    if weights.self_collision:
-        energy = self_collision_energy(figure, model.body, model.collision_pairs, model.collision_allowance)
-        terms["self_collision"] = weights.self_collision * energy
+    if w.descriptor:
+        terms["descriptor"] = w.descriptor * _descriptor(figure, model, target, settings)
+    if w.angle_limit:
+        excess = angle_excess(figure.rotations[:, model.limits.joint], model.limits)
+        terms["angle_limit"] = w.angle_limit * angle_limit(excess).energy
+    if w.floor:
+        terms["floor"] = w.floor * floor(figure.positions[..., 1] - target.floor_height).energy
+    if w.prior:
+        terms["prior"] = w.prior * prior(figure, model.canonical).energy
+    if w.contact:
+        points = model.contacts.on(figure)
+        misses = model.contacts.misses(points[..., 1] - target.floor_height, target.distance.query(points))
+        terms["contact"] = w.contact * contact(misses, model.contacts.weight).energy
+    terms |= _body_terms(figure, model, target, w)
+    if w.facing:
+        terms["facing"] = w.facing * facing(carried_front(figure, model.front), target.front).energy
+    if w.gravity:
+        terms["gravity"] = w.gravity * gravity(carried_up(figure, model.gravity)).energy
     if not terms:
-        raise ValueError(f"all weights are 0; set one of {', '.join(f.name for f in fields(weights))}")
+        raise ValueError(f"all weights are 0; set one of {', '.join(f.name for f in fields(w))}")
     return torch.stack(list(terms.values())).sum(0), terms
 
 
+def _body_terms(figure: Figure, model: ReferenceModel, target: Target, w: EnergyWeights) -> dict[str, Tensor]:
+    """What depends on the body's spheres."""
+    terms: dict[str, Tensor] = {}
+    if not w.looks_at_the_body:
+        return terms
+    points = model.body.on(figure)
+    if w.looks_at_clearances:
+        distance = target.distance.query(points)
+        if w.penetration:
+            found = penetration(distance, model.body.radius, model.allowance)
+            terms["penetration"] = w.penetration * found.energy
+        if w.clearance:
+            terms["clearance"] = w.clearance * clearance(distance, model.clearances).energy
+        if w.symmetry:
+            terms["symmetry"] = w.symmetry * symmetry(distance, model.clearances, model.mirrored).energy
+    if w.self_collision:
+        energy = self_collision_energy(points, model.body, model.collision_pairs, model.collision_allowance)
+        terms["self_collision"] = w.self_collision * energy
+    return terms
+
+
 def probe_weights(model: ReferenceModel, settings: Settings) -> tuple[Tensor, Tensor]:
-    """Which probes are looked at [P'], and their omega [P'], summing to 1."""
+    """Which probes are looked at [P'], and their omega [R, P'], summing to 1."""
     chosen = model.probes.thinned(settings.samples)
-    omega = torch.where(model.probes.knee[chosen], settings.knee_weight, 1.0)
+    omega = torch.where(model.probes.knee[chosen], settings.knee_weight, 1.0)[None]
     if settings.by_nearness:
-        omega = omega * model.nearness[chosen]
-        return chosen, omega / omega.sum()
+        omega = omega * model.nearness[:, chosen]
+        return chosen, omega / omega.sum(-1, keepdim=True)
     return chosen, omega / len(chosen)
 
 
 def _descriptor(figure: Figure, model: ReferenceModel, target: Target, settings: Settings) -> Tensor:
     chosen, omega = probe_weights(model, settings)
     values = pose_descriptor(target.field, target.latent, figure, model.probes, chosen)
-    return descriptor_energy(values, model.descriptors[chosen], omega)
+    return descriptor_energy(values, model.descriptors[:, chosen], omega)
 
 
 def without_descriptor(settings: Settings) -> Settings:

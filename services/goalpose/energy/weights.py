@@ -23,6 +23,16 @@ class EnergyWeights:
     gravity: float = 0.0  # E_g, squared tilt of pelvis and chest against the reference [1/rad^2]
     self_collision: float = 0.0  # E_x, mean squared depth of capsules in each other [1/m^2]
 
+    @property
+    def looks_at_clearances(self) -> bool:
+        """Whether any term needs the distances of the body's spheres from the object."""
+        return bool(self.penetration or self.clearance or self.symmetry)
+
+    @property
+    def looks_at_the_body(self) -> bool:
+        """Whether any term needs the body's spheres."""
+        return self.looks_at_clearances or bool(self.self_collision)
+
 
 # The published weights (supplement C), turned from mm^2, deg^2 and unit-box^2 into SI: 1e-3 deg^-2 = 3.283 rad^-2 and
 # 1e-8 mm^-2 = 1e-2 m^-2. METHOD-NOTES "Energy" tells where each factor enters.
