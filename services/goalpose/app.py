@@ -19,8 +19,10 @@ from serving.skeletons import skeleton_message
 from goalpose import rpc
 from goalpose.application import GoalPoseApplication, ReadsObjects
 from goalpose.http import goalpose_router
+from goalpose.jobs import Jobs
 from goalpose.objects import Limits, load_shape
 from goalpose.objects.isolation import IsolatedLoader
+from goalpose.pool import SynthesizerPool
 from goalpose.settings import GoalPoseSettings
 from goalpose.synthesis import Synthesizer, SynthesizerSettings
 
@@ -33,6 +35,8 @@ class GoalPoseService:
     def __init__(self, settings: GoalPoseSettings) -> None:
         self._settings = settings
         self._application: GoalPoseApplication | None = None
+        self._jobs: Jobs | None = None
+        self._pool: SynthesizerPool | None = None
         self._loader: IsolatedLoader | None = None
         self._models: dict[str, str] = {}
         skeleton = humanoid_skeleton()
@@ -56,16 +60,20 @@ class GoalPoseService:
     async def load(self, metrics: Metrics, readiness: Readiness) -> None:
         """Loads the field and the reference pairs."""
         torch.set_num_threads(self._settings.torch_threads)
+        settings = _synthesizer_settings(self._settings)
         synthesizer, load = await asyncio.gather(
-            asyncio.to_thread(Synthesizer.load, _synthesizer_settings(self._settings)),
+            asyncio.to_thread(Synthesizer.load, settings),
             asyncio.to_thread(self._warm_reader),
         )
         self._models = {"field": synthesizer.field_name}
-        self._application = GoalPoseApplication(synthesizer, load, self._settings, metrics.registry)
+        if self._settings.workers:
+            self._pool = await asyncio.to_thread(self._start_pool, synthesizer, settings)
+        self._application = GoalPoseApplication(self._pool or synthesizer, load, self._settings, metrics.registry)
+        self._jobs = Jobs(self._application)
 
     def router(self) -> APIRouter:
         """HTTP routes."""
-        return goalpose_router(self._loaded)
+        return goalpose_router(self._loaded, self._loaded_jobs)
 
     def add_to(self, server: grpc.aio.Server) -> Sequence[str]:
         """The gRPC service."""
@@ -75,11 +83,15 @@ class GoalPoseService:
         """Nothing to tell: requests that run may finish."""
 
     async def close(self) -> None:
-        """Frees the threads."""
+        """Ends jobs, processes and threads."""
+        if self._jobs is not None:
+            await self._jobs.close()
         if self._application is not None:
             self._application.close()
         if self._loader is not None:
             await asyncio.to_thread(self._loader.close)
+        if self._pool is not None:
+            await asyncio.to_thread(self._pool.close)
 
     def _warm_reader(self) -> ReadsObjects:
         """What uploads are read with; starting a child process takes about as long as loading the field."""
@@ -88,6 +100,20 @@ class GoalPoseService:
         self._loader = IsolatedLoader(limits=Limits(bytes=self._settings.max_upload_bytes))
         self._loader.warm()
         return self._loader.load
+
+    def _start_pool(self, synthesizer: Synthesizer, settings: SynthesizerSettings) -> SynthesizerPool:
+        return SynthesizerPool(
+            synthesizer.references,
+            synthesizer.field_name,
+            settings,
+            processes=self._settings.workers,
+            torch_threads=self._settings.torch_threads,
+        )
+
+    def _loaded_jobs(self) -> Jobs:
+        self._loaded()
+        assert self._jobs is not None
+        return self._jobs
 
     def _loaded(self) -> GoalPoseApplication:
         if self._application is None:

@@ -73,7 +73,7 @@ class Answer:
 
 
 class GoalPoseApplication:
-    """Objects by content hash, answers by request hash, one compute thread. All methods run on the event loop."""
+    """Objects by content hash, answers by request hash, a bounded queue of work. All methods run on the event loop."""
 
     def __init__(
         self,
@@ -90,7 +90,9 @@ class GoalPoseApplication:
         self._answers = RecentCache[str, goal_pose_pb2.GoalPose](settings.result_cache)
         self._solving: dict[str, Solving[Progress, goal_pose_pb2.GoalPose]] = {}
         self._reading = ComputeQueue("upload", limit=settings.upload_limit, registry=registry)
-        self._computing = ComputeQueue("synthesis", limit=settings.queue_limit, registry=registry)
+        self._computing = ComputeQueue(
+            "synthesis", limit=settings.queue_limit, registry=registry, threads=max(1, settings.workers)
+        )
         self._hits = Counter("roam_goalpose_cache_hits", "Answers from the cache.", registry=registry)
         self._rejected = Counter("roam_goalpose_uploads_rejected", "Uploads refused.", ("reason",), registry=registry)
         self._seconds = Histogram(
@@ -152,12 +154,11 @@ class GoalPoseApplication:
 
     async def synthesize(self, wanted: Wanted) -> AsyncGenerator[Progress | Answer]:
         """Progress while the optimisation runs, then the answer. Closing the generator stops it."""
-        key = self._key(wanted)
-        answer = self._answers.get(key)
+        answer = self.cached(wanted)
         if answer is not None:
-            self._hits.inc()
-            yield Answer(answer, cached=True)
+            yield answer
             return
+        key = self._key(wanted)
         solving = self._solving.get(key)
         if solving is None or solving.abandoned:
             solving = self._begin(key, wanted)
@@ -165,6 +166,18 @@ class GoalPoseApplication:
             async for progress in watching:
                 yield progress
         yield Answer(solving.task.result(), cached=False)
+
+    def cached(self, wanted: Wanted) -> Answer | None:
+        """The answer, if the same was asked before."""
+        answer = self._answers.get(self._key(wanted))
+        if answer is None:
+            return None
+        self._hits.inc()
+        return Answer(answer, cached=True)
+
+    def check_room(self) -> None:
+        """QUEUE_FULL when one more synthesis would be refused."""
+        self._computing.check_room()
 
     async def answer(self, wanted: Wanted) -> Answer:
         """The end of `synthesize` alone."""

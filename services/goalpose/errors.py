@@ -18,6 +18,20 @@ REFERENCE_POSE_NOT_FOUND = ErrorKind(
     "There is no such reference pose",
     "Use a name from ListReferencePoses (GET /v1/reference-poses), or name an action and let the server choose.",
 )
+JOB_NOT_FOUND = ErrorKind(
+    "JOB_NOT_FOUND",
+    StatusCode.NOT_FOUND,
+    404,
+    "There is no such job (any more)",
+    "Ask for the goal pose again: what was computed is often still in the cache.",
+)
+IDEMPOTENCY_KEY_REUSED = ErrorKind(
+    "IDEMPOTENCY_KEY_REUSED",
+    StatusCode.ALREADY_EXISTS,
+    409,
+    "The Idempotency-Key stood for another request before",
+    "Make a new key for every new request; send the old one only with the same request.",
+)
 
 _UPLOAD_REMEDY = "The answer's own remedy says what to change in the file or the request."
 
@@ -33,7 +47,13 @@ def _upload_kind(reason: str, title: str) -> ErrorKind:
 
 OBJECT_ERRORS: tuple[ErrorKind, ...] = tuple(_upload_kind(reason, title) for reason, title in REASONS.items())
 
-GOALPOSE_ERRORS: tuple[ErrorKind, ...] = (OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, *OBJECT_ERRORS)
+GOALPOSE_ERRORS: tuple[ErrorKind, ...] = (
+    OBJECT_NOT_FOUND,
+    REFERENCE_POSE_NOT_FOUND,
+    JOB_NOT_FOUND,
+    IDEMPOTENCY_KEY_REUSED,
+    *OBJECT_ERRORS,
+)
 
 _BY_REASON = by_reason(OBJECT_ERRORS)
 

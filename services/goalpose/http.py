@@ -18,11 +18,13 @@ from starlette.datastructures import UploadFile
 
 from goalpose.application import Answer, GoalPoseApplication, Wanted
 from goalpose.errors import from_object_error
+from goalpose.jobs import Job, Jobs, JobState
 from goalpose.messages import progress_message
 from goalpose.objects import FORMATS, ObjectError, format_of
 from goalpose.objects.formats import sniff
 from goalpose.schemas import (
     GoalPoseJson,
+    JobJson,
     ObjectJson,
     ProgressJson,
     ReferencePoseJson,
@@ -88,8 +90,8 @@ class Upload(BaseModel):
         raise ServiceError(INVALID_ARGUMENT, detail, field="format")
 
 
-def goalpose_router(application: Callable[[], GoalPoseApplication]) -> APIRouter:
-    """The routes under /v1; `application` is called per request."""
+def goalpose_router(application: Callable[[], GoalPoseApplication], jobs: Callable[[], Jobs]) -> APIRouter:
+    """The routes under /v1; `application` and `jobs` are called per request."""
     router = APIRouter(prefix="/v1", tags=["goalpose"])
 
     @router.post("/objects", status_code=201, summary="Upload an object file", openapi_extra=_UPLOAD_BODY)
@@ -114,27 +116,61 @@ def goalpose_router(application: Callable[[], GoalPoseApplication]) -> APIRouter
         poses = application().reference_poses(include_points=include_points)
         return ReferencePosesJson(reference_poses=[ReferencePoseJson.of(pose) for pose in poses])
 
-    _add_goal_poses(router, application)
+    _add_goal_poses(router, application, jobs)
+    _add_jobs(router, jobs)
     return router
 
 
-def _add_goal_poses(router: APIRouter, application: Callable[[], GoalPoseApplication]) -> None:
+def _add_goal_poses(
+    router: APIRouter, application: Callable[[], GoalPoseApplication], jobs: Callable[[], Jobs]
+) -> None:
     @router.post(
         "/goal-poses",
-        summary="Synthesize a goal pose; with Accept: text/event-stream progress streams while it runs",
+        summary="Synthesize a goal pose; with Accept: text/event-stream progress streams while it runs, "
+        "with Prefer: respond-async it runs as a job",
         response_model=GoalPoseJson,
-        responses={200: {"content": {"text/event-stream": {}}}},
+        responses={
+            200: {"content": {"text/event-stream": {}}},
+            202: {"model": JobJson, "description": "A job; ask its Location again"},
+        },
     )
     async def synthesize(
-        body: SynthesizeJson, request: Request, response: Response, accept: Annotated[str, Header()] = ""
+        body: SynthesizeJson,
+        request: Request,
+        response: Response,
+        accept: Annotated[str, Header()] = "",
+        prefer: Annotated[str, Header(description="respond-async: answer at once with a job")] = "",
+        idempotency_key: Annotated[str, Header(max_length=128, description="makes sending again safe")] = "",
     ) -> GoalPoseJson | Response:
         service = application()
         wanted = await service.check(body.message())
+        if "respond-async" in prefer and service.cached(wanted) is None:
+            return _job_response(jobs().start(wanted, idempotency_key), 202)
+        jobs().use_key(wanted, idempotency_key)
         if "text/event-stream" in accept:
             return EventSourceResponse(_events(service, wanted))
         answer = await _answer(service, wanted, request)
         response.headers["X-Roam-Cache"] = "hit" if answer.cached else "miss"
         return GoalPoseJson.of(answer.goal_pose)
+
+
+def _add_jobs(router: APIRouter, jobs: Callable[[], Jobs]) -> None:
+    @router.get("/jobs/{job}", summary="How far a job is, and its goal pose when it has one", response_model=JobJson)
+    async def get_job(job: str) -> Response:
+        return _job_response(jobs().get(f"jobs/{job}"), 200)
+
+    @router.delete("/jobs/{job}", status_code=204, summary="Stop a job and forget it")
+    async def delete_job(job: str) -> Response:
+        jobs().delete(f"jobs/{job}")
+        return Response(status_code=204)
+
+
+def _job_response(job: Job, status: int) -> Response:
+    headers = {"Location": f"/v1/{job.name}"}
+    if job.state is JobState.RUNNING:
+        headers["Retry-After"] = "1"
+    content = JobJson.of(job).model_dump_json()
+    return Response(content, status_code=status, media_type="application/json", headers=headers)
 
 
 async def _answer(service: GoalPoseApplication, wanted: Wanted, request: Request) -> Answer:

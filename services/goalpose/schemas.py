@@ -1,13 +1,16 @@
 """JSON of the goal pose service: what HTTP takes and gives. Arrays are nested lists; metres, radians, xyzw."""
 
-from typing import Annotated, Literal
+from datetime import datetime
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from character.wire import pack_float32
 from pydantic import BaseModel, ConfigDict, Field
 from roam.v1 import goal_pose_pb2, skeleton_pb2
+from serving.problems import problem
 
-from goalpose.messages import ACTIONS
+from goalpose.jobs import Job
+from goalpose.messages import ACTIONS, progress_message
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]  # nothing sensible is larger, float32 holds it
 Point = Annotated[list[Number], Field(min_length=3, max_length=3)]
@@ -162,6 +165,29 @@ class ProgressJson(BaseModel):
             iteration_count=message.iteration_count,
             energy=message.energy,
             pose=PoseJson.of(message.pose) if message.HasField("pose") else None,
+        )
+
+
+class JobJson(BaseModel):
+    """A synthesis that runs by itself."""
+
+    name: str = Field(description="jobs/…")
+    state: Literal["running", "succeeded", "failed"]
+    created: datetime
+    progress: ProgressJson | None = Field(description="the newest, while it runs")
+    goal_pose: GoalPoseJson | None = Field(description="when it succeeded")
+    error: dict[str, Any] | None = Field(description="a problem document, when it failed")
+
+    @staticmethod
+    def of(job: Job) -> "JobJson":
+        """As it stands now."""
+        return JobJson(
+            name=job.name,
+            state=job.state.value,
+            created=job.created,
+            progress=None if job.progress is None else ProgressJson.of(progress_message(job.progress)),
+            goal_pose=None if job.goal_pose is None else GoalPoseJson.of(job.goal_pose),
+            error=None if job.error is None else problem(job.error),
         )
 
 

@@ -12,6 +12,7 @@ class GoalPoseSettings(ServerSettings):
     isolate_uploads: bool = Field(True, description="read files in child processes with limits, not in the server")
     object_cache: int = Field(64, ge=1, description="uploaded objects kept in memory")
     result_cache: int = Field(1024, ge=1, description="answers kept in memory")
+    workers: int = Field(0, ge=0, description="processes that compute goal poses; 0: a thread of the server")
     queue_limit: int = Field(16, ge=1, description="goal poses waiting or running before new ones are refused")
     upload_limit: int = Field(8, ge=1, description="uploads waiting or being read before new ones are refused")
     max_inline_points: int = Field(200_000, ge=1, description="most points in a request that brings its own")

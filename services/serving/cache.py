@@ -24,6 +24,10 @@ class RecentCache(Generic[K, V]):
         self._entries.move_to_end(key)
         return self._entries[key]
 
+    def drop(self, key: K) -> None:
+        """Forgets an entry, if it is there."""
+        self._entries.pop(key, None)
+
     def put(self, key: K, value: V) -> None:
         """Adds or replaces the entry and forgets the oldest beyond the size."""
         self._entries[key] = value

@@ -35,15 +35,19 @@ class ComputeQueue:
 
     async def run(self, job: Callable[[], T]) -> T:
         """The job's result. Cancelling the caller drops a waiting job; a running one must watch for it by itself."""
-        if self._pending >= self._limit:
-            self._refused.inc()
-            wait = max(1.0, self._mean_seconds * self._pending / self._threads)
-            raise ServiceError(QUEUE_FULL, f"{self._pending} jobs are waiting or running", retry_after=round(wait, 1))
+        self.check_room()
         future = self._executor.submit(self._timed, job)
         self._change(1)
         loop = asyncio.get_running_loop()
         future.add_done_callback(lambda _: _call_soon(loop, self._change, -1))
         return await asyncio.wrap_future(future)
+
+    def check_room(self) -> None:
+        """QUEUE_FULL, with the time to wait, when one more job would be refused."""
+        if self._pending >= self._limit:
+            self._refused.inc()
+            wait = max(1.0, self._mean_seconds * self._pending / self._threads)
+            raise ServiceError(QUEUE_FULL, f"{self._pending} jobs are waiting or running", retry_after=round(wait, 1))
 
     def close(self) -> None:
         """Drops waiting jobs; the running one ends by itself."""

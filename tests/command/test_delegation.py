@@ -13,6 +13,7 @@ COMMANDS = {
     ("evaluate", "field"): "goalpose.training.evaluate_field",
     ("evaluate", "goalpose"): "evaluation.goalpose",
     ("evaluate", "motion"): "evaluation.motion",
+    ("evaluate", "throughput"): "evaluation.throughput",
 }
 
 

@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|throughput`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -18,3 +18,8 @@ def goalpose(context: typer.Context) -> None:
 def motion(context: typer.Context) -> None:
     """Approaches to a folder of furniture: errors, jumps, foot skate, speed (`--help` lists its options)."""
     delegate("evaluation.motion", context.args, name="roam evaluate motion")
+
+
+def throughput(context: typer.Context) -> None:
+    """Goal poses of requests that come at once, against one after another (`--help` lists its options)."""
+    delegate("evaluation.throughput", context.args, name="roam evaluate throughput")
