@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.goalpose_runs import Run
+from evaluation.goalpose_runs import Run, runs_from
 
 SEAT_KINDS = {
     "chairs": ("chair", "armchair", "officechair"),
@@ -15,11 +15,16 @@ SEAT_KINDS = {
     "beds": ("bed",),
     "unknown": ("unknown",),
 }
+DEPTHS = tuple(round(0.005 * k, 3) for k in range(21))  # [m] t = 0 … 10 cm
 
 
-def summarise(runs: list[Run]) -> dict[str, Any]:
-    """Figures for everything and for each kind of seat."""
+def summarise(records: Iterable[dict[str, Any]]) -> dict[str, Any]:
+    """Figures for everything, for real meshes alone where some are generated, and for each kind of seat."""
+    runs = runs_from(records)
     found: dict[str, Any] = {"all": figures(runs)} if runs else {}
+    real = [run for run in runs if run.subtype != "generated"]
+    if real and len(real) < len(runs):
+        found["real meshes"] = figures(real)
     for kind, categories in SEAT_KINDS.items():
         chosen = [run for run in runs if run.category in categories]
         if chosen:
@@ -27,10 +32,20 @@ def summarise(runs: list[Run]) -> dict[str, Any]:
     return found
 
 
+def summarise_variants(records: Iterable[dict[str, Any]]) -> dict[str, Any]:
+    """Figures for every variant, in the order of their first run."""
+    runs = runs_from(records)
+    return {
+        variant: figures([r for r in runs if r.variant == variant])
+        for variant in dict.fromkeys(r.variant for r in runs)
+    }
+
+
 def figures(runs: list[Run]) -> dict[str, Any]:
     """Shares, medians and worst cases of some runs."""
     objects = {run.object for run in runs}
     steady = [o for o in objects if all(run.success for run in runs if run.object == o)]
+    curve = penetration_curve(runs)
     return {
         "objects": len(objects),
         "runs": len(runs),
@@ -43,14 +58,27 @@ def figures(runs: list[Run]) -> dict[str, Any]:
         ),
         "lateral_m": _spread(run.lateral for run in runs),
         "penetration_m": _spread(run.penetration for run in runs),
-        "shallower_than_3cm": _share(run.penetration <= 0.03 for run in runs),
-        "shallower_than_5cm": _share(run.penetration <= 0.05 for run in runs),
-        "floor_m": _spread(run.floor for run in runs),
+        "penetration_curve": {str(t): share for t, share in zip(DEPTHS, curve, strict=True)},
+        "penetration_auc": area(curve),
+        "floor_m": _spread(run.floor for run in runs if run.grounded),
         "turn_error_m": _spread(run.turn_error for run in runs),
         "turned_within_1cm": _share(run.turn_error <= 0.01 for run in runs if run.turn_error is not None),
+        "warned": _share(bool(run.warnings) for run in runs),
+        "energy": _spread(run.energies["total"] for run in runs),
         "seconds": _spread(run.seconds for run in runs),
         "cpu_seconds": _spread(run.cpu_seconds for run in runs),
     }
+
+
+def penetration_curve(runs: list[Run]) -> list[float]:
+    """Share of poses without a capsule deeper than t, for every t of DEPTHS."""
+    depths = np.array([run.penetration for run in runs])
+    return [round(float((depths <= t).mean()), 4) for t in DEPTHS]
+
+
+def area(curve: list[float]) -> float:
+    """Area under a curve over evenly spaced thresholds, as a share of the best possible."""
+    return round(float(np.trapezoid(curve) / (len(curve) - 1)), 4)
 
 
 def _share(values: Iterable[bool]) -> float | None:

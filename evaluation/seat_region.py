@@ -26,6 +26,11 @@ class SeatRegion:
     points: Array  # [N, 3] surface points at cell centres, world [m]
     has_back: bool  # something rises over the seat: then there is a front
 
+    @property
+    def height(self) -> float:
+        """The usual height of the seat's surface, world [m]."""
+        return float(np.median(self.points[:, 1]))
+
     def distance(self, hip: Array, hip_height: float) -> float:
         """From the hips joint to the nearest place where it would be if the person sat there [m]."""
         return float(np.linalg.norm(self.points + np.array([0.0, hip_height, 0.0]) - hip, axis=-1).min())

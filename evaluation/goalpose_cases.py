@@ -1,0 +1,108 @@
+"""What the solver is given, and what its answer is judged by: an object as it is, or as a careless user sends it."""
+
+import io
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+from character.pose import Pose
+from character.rotation import quat_from_yaw, quat_rotate
+from goalpose.objects import Shape, load_shape
+
+from evaluation.goalpose_objects import EvaluationObject
+from evaluation.seat_region import SeatRegion, sample_mesh, seat_region
+
+Array = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """An object in canonical form, and the upload that stands for it: `given` = `truth` turned, then moved."""
+
+    item: EvaluationObject
+    truth: Shape
+    region: SeatRegion | None
+    given: Shape
+    yaw: float = 0.0  # [rad]
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
+
+    def brought_back(self, pose: Pose) -> Pose:
+        """A pose on the upload as a pose on the canonical object."""
+        return pose.moved(-np.array(self.offset)).turned(-self.yaw)
+
+
+def plain_case(item: EvaluationObject) -> Case:
+    """The object as it is. Raises ObjectError."""
+    shape = load_shape(item.read(), item.format)
+    region = seat_region(*shape.mesh, seat_height=item.seat_height) if shape.mesh else None
+    return Case(item, shape, region, shape)
+
+
+def turned_case(case: Case, seed: int) -> Case:
+    """The upload turned about the vertical and moved by up to 3 m, at random."""
+    random = np.random.default_rng(seed)
+    yaw, offset = float(random.uniform(-math.pi, math.pi)), random.uniform(-3.0, 3.0, 3)
+    vertices, faces = _mesh(case)
+    given = _uploaded_mesh(_turned(vertices, yaw) + offset, faces, up="y")
+    return replace(case, given=given, yaw=yaw, offset=(float(offset[0]), float(offset[1]), float(offset[2])))
+
+
+def tumbled_case(case: Case, seed: int) -> Case:
+    """The upload as written by a program with Z up, moved and turned at random; up is for the service to find."""
+    turned = turned_case(case, seed)
+    vertices, faces = _mesh(turned, given=True)
+    lying = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=-1)
+    return replace(turned, given=_uploaded_mesh(lying, faces, up=None))
+
+
+def scaled_case(case: Case, factor: float) -> Case:
+    """The object itself larger or smaller: what a wrong unit guess or a careless export leaves of it."""
+    vertices, faces = _mesh(case)
+    shape = _uploaded_mesh(vertices * factor, faces, up="y")
+    height = case.item.seat_height
+    item = replace(case.item, seat_height=None if height is None else height * factor)
+    region = seat_region(vertices * factor, faces, seat_height=item.seat_height)
+    return Case(item, shape, region, shape)
+
+
+def cloud_case(case: Case, *, count: int, noise: float = 0.0, hidden_from: float | None = None, seed: int = 0) -> Case:
+    """The upload is a scan: `count` points with Gaussian `noise` [m], only of what shows from all sides but one.
+
+    `hidden_from` [rad]: the heading of the side that no camera saw; surfaces that face it are missing.
+    """
+    points, normals = sample_mesh(*_mesh(case), count=max(4 * count, 20_000))
+    if hidden_from is not None:
+        outward = _outward(points, normals, case.truth)
+        away = outward @ np.array([math.sin(hidden_from), 0.0, math.cos(hidden_from)]) > 0.5
+        points = points[~away]
+    random = np.random.default_rng(seed)
+    points = points[random.permutation(len(points))[:count]]
+    file = io.BytesIO()
+    np.save(file, (points + random.normal(0.0, noise, points.shape)).astype(np.float32))
+    return replace(case, given=load_shape(file.getvalue(), "npy", unit="m", up="y"))
+
+
+def _outward(points: Array, normals: Array, shape: Shape) -> Array:
+    """Normals turned to the side where the distance to the object grows. [N, 3]."""
+    grows = shape.distance.sample(points + 0.02 * normals) - shape.distance.sample(points - 0.02 * normals)
+    return normals * np.where(grows >= 0, 1.0, -1.0)[:, None]
+
+
+def _mesh(case: Case, *, given: bool = False) -> tuple[Array, npt.NDArray[np.integer]]:
+    mesh = (case.given if given else case.truth).mesh
+    if mesh is None:
+        raise ValueError(f"{case.item.name} is a bare cloud; only meshes can be distorted")
+    return mesh[0].astype(np.float64), mesh[1]
+
+
+def _turned(vertices: Array, yaw: float) -> Array:
+    turn = np.broadcast_to(quat_from_yaw(np.array(yaw)), (len(vertices), 4))
+    return np.asarray(quat_rotate(turn, vertices))
+
+
+def _uploaded_mesh(vertices: Array, faces: npt.NDArray[np.integer], *, up: str | None) -> Shape:
+    file = io.BytesIO()
+    trimesh.Trimesh(vertices, faces, process=False).export(file, file_type="ply")
+    return load_shape(file.getvalue(), "ply", unit="m", up=up)

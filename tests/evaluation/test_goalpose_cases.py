@@ -1,0 +1,43 @@
+"""Uploads as careless users send them."""
+
+import numpy as np
+import pytest
+from seating import CHAIR
+
+from evaluation.goalpose_cases import cloud_case, plain_case, scaled_case, tumbled_case, turned_case
+
+
+@pytest.fixture(scope="module")
+def chair():
+    return plain_case(CHAIR)
+
+
+def test_turning_and_another_up_axis_keep_the_size(chair):
+    turned, tumbled = turned_case(chair, seed=3), tumbled_case(chair, seed=3)
+    height = np.ptp(chair.truth.bounds[:, 1])
+    assert np.ptp(turned.given.bounds[:, 1]) == pytest.approx(height, abs=1e-3)
+    assert tumbled.given.bounds == pytest.approx(turned.given.bounds, abs=1e-3)  # up was found
+    assert turned.truth is chair.truth
+
+
+def test_scaling_makes_another_object(chair):
+    larger = scaled_case(chair, 1.2)
+    assert np.ptp(larger.truth.bounds, axis=0) == pytest.approx(1.2 * np.ptp(chair.truth.bounds, axis=0), abs=1e-3)
+    assert larger.region.height == pytest.approx(1.2 * chair.region.height, abs=0.02)
+
+
+def test_an_unseen_back_is_missing(chair):
+    def rearmost(case):
+        return case.given.points[:, 2].min()
+
+    seen, unseen = cloud_case(chair, count=5000), cloud_case(chair, count=5000, hidden_from=np.pi)
+    assert seen.given.mesh is None
+    share = [(case.given.points[:, 2] < rearmost(seen) + 0.02).mean() for case in (seen, unseen)]
+    assert share[1] < share[0] / 2
+
+
+def test_noise_blurs_the_surface(chair):
+    def apart(case):
+        return np.abs(chair.truth.distance.sample(case.given.points)).mean()
+
+    assert apart(cloud_case(chair, count=5000, noise=0.01)) > apart(cloud_case(chair, count=5000)) + 0.002

@@ -1,0 +1,42 @@
+"""The physics test holds sitters up and lets the others fall."""
+
+import numpy as np
+import pytest
+from seating import sitter
+
+from evaluation.solid_boxes import solid_boxes
+
+pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'roam-services[evaluation]'")
+
+from evaluation.simulation import drift
+
+
+def test_a_sitter_stays():
+    found = drift(sitter().pose, sitter().shape)
+    assert found.largest < 0.1
+    assert found.mean <= found.largest
+
+
+@pytest.mark.parametrize("offset", [[0.0, 0.3, 0.0], [0.0, 0.0, 0.45]], ids=["above the seat", "in front of the chair"])
+def test_whoever_nothing_holds_falls(offset):
+    found = drift(sitter().pose.moved(np.array(offset, np.float32)), sitter().shape)
+    assert found.joints[0] > 0.2
+
+
+def test_boxes_fill_the_object():
+    shape = sitter().shape
+    boxes = solid_boxes(shape, np.array([[0.0, 0.45, 0.0]]), reach=2.0)
+    random = np.random.default_rng(0)
+    points = random.uniform(*shape.bounds, (4000, 3))
+    inside = (np.abs(points[:, None] - boxes.centers) <= boxes.half).all(-1).any(-1)
+    distance = shape.distance.sample(points)
+    clear = np.abs(distance) > 0.01
+    assert (inside[clear] == (distance[clear] < 0)).all()
+    assert 0 < inside.mean() < 0.5
+
+
+def test_boxes_do_not_overlap():
+    boxes = solid_boxes(sitter().shape, np.array([[0.0, 0.45, 0.0]]), reach=2.0)
+    apart = np.abs(boxes.centers[:, None] - boxes.centers) - (boxes.half[:, None] + boxes.half)
+    overlapping = (apart < -1e-6).all(-1)
+    assert overlapping.sum() == len(boxes.half)  # each with itself
