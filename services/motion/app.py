@@ -4,6 +4,7 @@ import asyncio
 import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
+from functools import partial
 from pathlib import Path
 
 import grpc
@@ -19,9 +20,12 @@ from serving.skeletons import skeleton_message
 
 from motion import rpc
 from motion.application import MotionApplication
+from motion.build import build_name
 from motion.http import motion_router
 from motion.settings import MotionSettings
 from motion.step import Animator, Idle
+from motion.store import SessionStore
+from motion.store_redis import RedisStore
 from motion.websocket import websocket_router
 
 SHIPPED_WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
@@ -32,6 +36,18 @@ def _load(weights: Path) -> tuple[Animator, str]:
     animator = Animator.load(weights)
     animator.step([animator.start((0.0, 0.0), 0.0, 0)], [Idle()])  # the first step is slow: let no client wait for it
     return animator, f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
+
+
+def _store(settings: MotionSettings) -> SessionStore | None:
+    """The store that replicas share; None for a replica that is alone."""
+    return None if settings.session_store == "memory" else RedisStore.at(settings.session_store)
+
+
+def _tell_health(readiness: Readiness, well: bool) -> None:
+    if well:
+        readiness.clear("sessions")
+    else:
+        readiness.block("sessions", "the session store does not answer")
 
 
 class MotionService:
@@ -65,7 +81,16 @@ class MotionService:
         animator, digest = await asyncio.to_thread(_load, weights)
         self._models = {"motion": digest}
         header = self.skeletons[0].skeleton
-        self._application = MotionApplication(animator, self._skeleton, header, self._settings, metrics.registry)
+        self._application = MotionApplication(
+            animator,
+            self._skeleton,
+            header,
+            self._settings,
+            metrics.registry,
+            store=_store(self._settings),
+            build=build_name(digest),
+            on_health=partial(_tell_health, readiness),
+        )
         self._application.start()
 
     def router(self) -> APIRouter:
@@ -80,9 +105,9 @@ class MotionService:
         return rpc.add_to(server, self._loaded)
 
     async def drain(self) -> None:
-        """Tells connected readers."""
+        """Ends the streams and hands the sessions over."""
         if self._application is not None:
-            self._application.drain()
+            await self._application.drain()
 
     async def close(self) -> None:
         """Stops the ticker."""

@@ -1,10 +1,11 @@
 """The motion service's application object: what HTTP, gRPC and WebSocket all translate to."""
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
 from time import time
 from typing import Protocol
+from uuid import uuid4
 
 import numpy as np
 from character.pose import Pose
@@ -14,16 +15,22 @@ from roam.v1 import motion_pb2, skeleton_pb2
 from serving.errors import DRAINING, INVALID_ARGUMENT, ServiceError
 from serving.skeletons import SKELETON_NOT_FOUND
 
+from motion.live import LiveSessions
 from motion.messages import control_change, frame_message, header_message, pose_of, stream_options
-from motion.sessions import Event, FrameRecord, Session, SessionStore
+from motion.ownership import Ownership
+from motion.revival import revive
+from motion.sessions import FrameRecord, Session
 from motion.settings import MotionSettings
 from motion.state import FRAME_RATE
 from motion.step import CharacterState, FrameData, Intent
+from motion.store import Claim, SessionRecord, SessionStore
+from motion.store_memory import MemoryStore
 from motion.stream import FrameStream, Item, StreamStart
 from motion.ticker import Ticker
 
 _LONGEST_REQUEST_ID = 64
 _PAGE = 100
+_ALONE = 86400.0  # [s] lease where there is no other replica to take a session over
 
 
 class StepsCharacters(Protocol):
@@ -36,7 +43,11 @@ class StepsCharacters(Protocol):
 
 
 class MotionApplication:
-    """Sessions, the ticker that moves them, and the streams that read them. All methods run on the event loop."""
+    """Sessions, the ticker that moves them, and the streams that read them. All methods run on the event loop.
+
+    `build` names what computes the frames; `restore` reads a character's state back. With a shared `store` other
+    replicas take sessions over when this one is gone.
+    """
 
     def __init__(
         self,
@@ -45,77 +56,87 @@ class MotionApplication:
         header_skeleton: skeleton_pb2.Skeleton,
         settings: MotionSettings,
         registry: CollectorRegistry,
+        *,
         clock: Callable[[], float] = time,
+        store: SessionStore | None = None,
+        restore: Callable[[bytes], CharacterState] = CharacterState.from_bytes,
+        build: str = "",
+        on_health: Callable[[bool], None] = lambda well: None,
     ) -> None:
         self.settings = settings
-        self.sessions = SessionStore(settings.max_sessions, clock)
-        self.ticker = Ticker(self.sessions, animator.step, frame_rate=FRAME_RATE, registry=registry)
+        self.sessions = LiveSessions(settings.max_sessions, clock)
+        self.ownership = Ownership(
+            store or MemoryStore(),
+            self.sessions,
+            self._revive,
+            build=build,
+            lease=settings.session_lease if store else _ALONE,
+            snapshot_frames=settings.snapshot_frames,
+            history_frames=settings.history_frames,
+            on_health=on_health,
+        )
+        self.ticker = Ticker(self.sessions, self.ownership, animator.step, frame_rate=FRAME_RATE, registry=registry)
         self._animator = animator
         self._skeleton = skeleton
         self._header_skeleton = header_skeleton
+        self._restore = restore
+        self._build = build
         self._clock = clock
         self._draining = False
-        self._task: asyncio.Task[None] | None = None
+        self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
-        """Starts ticking."""
-        self._task = asyncio.create_task(self.ticker.run(), name="motion-ticker")
+        """Starts renewing the lease, and ticking."""
+        self._tasks = [
+            asyncio.create_task(self.ownership.run(), name="motion-ownership"),
+            asyncio.create_task(self.ticker.run(), name="motion-ticker"),
+        ]
 
     async def close(self) -> None:
-        """Stops ticking."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait([self._task])
+        """Stops both."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
         self.ticker.close()
+        await self.ownership.close()
 
-    def drain(self) -> None:
-        """Takes no new sessions or streams, tells connected readers and ends their streams."""
+    async def drain(self) -> None:
+        """Takes no new sessions or streams, ends the streams there are, and gives every session up."""
         self._draining = True
-        event = Event(type=motion_pb2.EVENT_TYPE_DRAINING, message="the server is shutting down; reconnect")
-        event.reconnect_within.FromSeconds(10)
-        for session in self.sessions:
-            event.sequence = session.sequence
-            session.announce(event, after=0)
-            for stream in session.streams:
-                stream.finish()
+        await asyncio.gather(*(self.ownership.release(session) for session in self.sessions))
 
-    def create_session(self, request: motion_pb2.CreateSessionRequest) -> Session:
-        """A new session, or the one that the same request_id made before."""
+    async def create_session(self, request: motion_pb2.CreateSessionRequest) -> Session:
+        """A new session, or the same one for a request_id seen before."""
         self._check_open()
         if len(request.request_id) > _LONGEST_REQUEST_ID:
             detail = f"at most {_LONGEST_REQUEST_ID} characters"
             raise ServiceError(INVALID_ARGUMENT, detail, field="request_id")
-        if known := self.sessions.of_request(request.request_id):
-            known.touch()
-            return known
-        skeleton = self._skeleton
-        if request.skeleton_id not in ("", skeleton.id):
-            detail = f"this server animates {skeleton.id}"
+        if request.skeleton_id not in ("", self._skeleton.id):
+            detail = f"this server animates {self._skeleton.id}"
             raise ServiceError(SKELETON_NOT_FOUND, detail, field="skeleton_id")
         position, yaw = self._placement(request)
-        idle_timeout = self._idle_timeout(request)
-        floor_height = _finite(request.floor_height, "floor_height")
-        self.sessions.check_quota()
-        session = Session(
-            skeleton=skeleton,
-            state=self._animator.start(position, yaw, request.seed),
-            floor_height=floor_height,
-            idle_timeout=idle_timeout,
-            ring_frames=self.settings.ring_frames,
-            goal_tolerance=self.settings.goal_tolerance,
-            clock=self._clock,
+        record = SessionRecord(
+            name=f"sessions/{uuid4().hex}",
+            resume_token=uuid4().hex,
+            request_id=request.request_id,
+            skeleton_id=self._skeleton.id,
+            create_time=self._clock(),
+            idle_timeout=self._idle_timeout(request),
+            floor_height=_finite(request.floor_height, "floor_height"),
         )
-        self.sessions.add(session, request.request_id)
+        self.ticker.sweep()
+        session = await self.ownership.create(self._session(record, self._animator.start(position, yaw, request.seed)))
+        session.touch()
         return session
 
-    def get_session(self, name: str) -> Session:
+    async def get_session(self, name: str) -> Session:
         """A live session; its idle timeout starts again."""
-        session = self.sessions.get(name)
+        session = await self.ownership.hold(name)
         session.touch()
         return session
 
     def list_sessions(self, page_size: int, page_token: str) -> tuple[list[Session], str]:
-        """A page of sessions in order of creation, and the token of the next page."""
+        """A page of the sessions that this replica holds, in order of creation, and the token of the next page."""
         sessions = list(self.sessions)
         try:
             start = int(page_token or 0)
@@ -126,22 +147,34 @@ class MotionApplication:
         end = start + min(page_size or _PAGE, _PAGE)
         return sessions[start:end], str(end) if end < len(sessions) else ""
 
-    def delete_session(self, name: str) -> None:
-        """Ends a session and frees its slot at once."""
-        self.sessions.remove(name, "deleted")
+    async def delete_session(self, name: str) -> None:
+        """Ends a session and frees its place at once."""
+        await self.ownership.delete(await self.ownership.hold(name))
 
-    def control(self, name: str, control: motion_pb2.ControlInput) -> int:
-        """Applies a control; returns the first sequence it can affect."""
-        session = self.get_session(name)
-        effective = session.control(control.control_id, control_change(control, session))
+    async def control(self, name: str, control: motion_pb2.ControlInput) -> int:
+        """Applies a control; returns the first sequence it can affect. It is written down before it takes effect."""
+        session = await self.get_session(name)
+        change = control_change(control, session)
+        async with session.one_control:
+            known = session.answer(control.control_id)
+            if known is not None:
+                return known
+            with session.hold():
+                entry = session.entry(control)
+                await self.ownership.record(session, entry)
+                session.accept(entry, change)
         self.ticker.wake()
-        return effective
+        return entry.effective
 
-    @contextmanager
-    def stream(self, opening: motion_pb2.Open) -> Iterator[FrameStream]:
-        """Connects a reader to a session for the time of the `with` block."""
+    @asynccontextmanager
+    async def stream(self, opening: motion_pb2.Open) -> AsyncIterator[FrameStream]:
+        """Connects a reader to a session for the time of the `async with` block."""
         self._check_open()
-        session = self.get_session(opening.session)
+        session = await self.ownership.hold(
+            opening.session, after_sequence=opening.after_sequence, insist=bool(opening.resume_token)
+        )
+        if opening.resume_token == session.record.resume_token:
+            session.catch_up(opening.after_sequence, most=self.settings.history_frames)
         options = stream_options(opening, burst_frames=self.settings.burst_frames, ack_window=self.settings.ack_window)
         stream = FrameStream(session, options, self.ticker.wake)
         session.streams.add(stream)
@@ -156,11 +189,29 @@ class MotionApplication:
     def response(self, stream: FrameStream, item: Item) -> motion_pb2.AnimateResponse:
         """An item of a stream as the message that carries it."""
         if isinstance(item, FrameRecord):
-            return motion_pb2.AnimateResponse(frame=frame_message(item, stream.session, stream.options))
+            return frame_message(item, stream.session, stream.options)
         if isinstance(item, StreamStart):
             header = header_message(stream.session, stream.options, item, self._header_skeleton)
             return motion_pb2.AnimateResponse(header=header)
         return motion_pb2.AnimateResponse(event=item)
+
+    def _session(self, record: SessionRecord, state: CharacterState) -> Session:
+        return Session(
+            record,
+            skeleton=self._skeleton,
+            state=state,
+            ring_frames=self.settings.ring_frames,
+            goal_tolerance=self.settings.goal_tolerance,
+            clock=self._clock,
+        )
+
+    def _revive(self, claim: Claim, after_sequence: int) -> Session:
+        return revive(
+            claim,
+            after_sequence,
+            build=self._build,
+            make=lambda snapshot: self._session(claim.record, self._restore(snapshot.state)),
+        )
 
     def _check_open(self) -> None:
         if self._draining:

@@ -16,6 +16,20 @@ SESSION_QUOTA = ErrorKind(
     "As many sessions are alive as the server accepts",
     "Delete sessions that are done, or wait until idle ones are reclaimed.",
 )
+SESSION_ELSEWHERE = ErrorKind(
+    "SESSION_ELSEWHERE",
+    StatusCode.UNAVAILABLE,
+    503,
+    "Another replica holds the session",
+    "Try again; send the requests of one session to one replica, and open its stream there.",
+)
+STORE_DOWN = ErrorKind(
+    "STORE_DOWN",
+    StatusCode.UNAVAILABLE,
+    503,
+    "The store of sessions does not answer",
+    "Try again; sessions go on as soon as it is back. /readyz says when.",
+)
 SEQUENCE_AHEAD = ErrorKind(
     "SEQUENCE_AHEAD",
     StatusCode.OUT_OF_RANGE,
@@ -48,6 +62,8 @@ MESSAGE_MALFORMED = ErrorKind(
 MOTION_ERRORS: tuple[ErrorKind, ...] = (
     SESSION_NOT_FOUND,
     SESSION_QUOTA,
+    SESSION_ELSEWHERE,
+    STORE_DOWN,
     SEQUENCE_AHEAD,
     OPEN_REQUIRED,
     GOAL_INVALID,

@@ -26,7 +26,7 @@ def motion_router(application: Callable[[], MotionApplication]) -> APIRouter:
     @router.post("", status_code=201, summary="Create a session: one character")
     async def create_session(body: CreateSessionJson | None = None) -> SessionJson:
         request = (body or CreateSessionJson()).message()
-        return SessionJson.of(application().create_session(request))
+        return SessionJson.of(await application().create_session(request))
 
     @router.get("", summary="List sessions")
     async def list_sessions(
@@ -37,16 +37,16 @@ def motion_router(application: Callable[[], MotionApplication]) -> APIRouter:
 
     @router.get("/{session}", summary="Read a session")
     async def get_session(session: str) -> SessionJson:
-        return SessionJson.of(application().get_session(f"sessions/{session}"))
+        return SessionJson.of(await application().get_session(f"sessions/{session}"))
 
     @router.delete("/{session}", status_code=204, summary="End a session")
     async def delete_session(session: str) -> Response:
-        application().delete_session(f"sessions/{session}")
+        await application().delete_session(f"sessions/{session}")
         return Response(status_code=204)
 
     @router.post("/{session}/control", summary="Steer, give a goal, pause or go on")
     async def control(session: str, body: ControlJson) -> ControlledJson:
-        effective = application().control(f"sessions/{session}", body.message())
+        effective = await application().control(f"sessions/{session}", body.message())
         return ControlledJson(effective_sequence=effective)
 
     _add_frames(router, application)
@@ -84,7 +84,7 @@ async def frame_lines(
 ) -> AsyncIterator[dict[str, Any]]:
     """The stream's items as JSON objects, at most `count` frames of them."""
     left = count
-    with application.stream(opening) as stream:
+    async with application.stream(opening) as stream:
         async for item in stream:
             yield item_json(item, stream.session, positions=positions)
             if isinstance(item, FrameRecord) and left is not None:

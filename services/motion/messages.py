@@ -34,7 +34,7 @@ def session_message(session: Session) -> motion_pb2.Session:
     return motion_pb2.Session(
         name=session.name,
         skeleton_id=session.skeleton.id,
-        create_time=timestamp(session.create_time),
+        create_time=timestamp(session.record.create_time),
         expire_time=timestamp(session.expire_time),
         last_sequence=session.sequence,
         frame_rate=FRAME_RATE,
@@ -57,18 +57,18 @@ def header_message(
         first_sequence=start.first_sequence,
         discontinuity=start.discontinuity,
         contact_joints=[session.skeleton.index(name) for name in CONTACTS],
-        resume_token=session.resume_token,
+        resume_token=session.record.resume_token,
         last_control_id=session.last_control_id,
-        exact=True,
+        exact=session.exact,
         pacing=options.pacing,  # type: ignore[arg-type]
     )
 
 
-def frame_message(record: FrameRecord, session: Session, options: StreamOptions) -> motion_pb2.Frame:
+def frame_message(record: FrameRecord, session: Session, options: StreamOptions) -> motion_pb2.AnimateResponse:
     """A frame packed as the stream wants it; packed once for all readers that want the same."""
     key = (options.encoding, options.joint_positions)
     if key not in record.packed:
-        record.packed[key] = _pack_frame(record, session, options)
+        record.packed[key] = motion_pb2.AnimateResponse(frame=_pack_frame(record, session, options))
     return record.packed[key]
 
 

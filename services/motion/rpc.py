@@ -28,12 +28,12 @@ class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
         self, request: motion_pb2.CreateSessionRequest, context: Any
     ) -> motion_pb2.CreateSessionResponse:
         """Creates a session."""
-        session = self._application().create_session(request)
+        session = await self._application().create_session(request)
         return motion_pb2.CreateSessionResponse(session=session_message(session))
 
     async def GetSession(self, request: motion_pb2.GetSessionRequest, context: Any) -> motion_pb2.GetSessionResponse:
         """Reads a session."""
-        session = self._application().get_session(request.name)
+        session = await self._application().get_session(request.name)
         return motion_pb2.GetSessionResponse(session=session_message(session))
 
     async def ListSessions(
@@ -49,12 +49,12 @@ class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
         self, request: motion_pb2.DeleteSessionRequest, context: Any
     ) -> motion_pb2.DeleteSessionResponse:
         """Ends a session."""
-        self._application().delete_session(request.name)
+        await self._application().delete_session(request.name)
         return motion_pb2.DeleteSessionResponse()
 
     async def Control(self, request: motion_pb2.ControlRequest, context: Any) -> motion_pb2.ControlResponse:
         """Applies one control."""
-        effective = self._application().control(request.session, request.control)
+        effective = await self._application().control(request.session, request.control)
         return motion_pb2.ControlResponse(effective_sequence=effective)
 
     async def WatchFrames(
@@ -62,7 +62,7 @@ class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
     ) -> AsyncIterator[motion_pb2.WatchFramesResponse]:
         """Frames only."""
         application = self._application()
-        with application.stream(request.open) as stream:
+        async with application.stream(request.open) as stream:
             async for item in stream:
                 yield motion_pb2.WatchFramesResponse(message=application.response(stream, item))
 
@@ -72,10 +72,12 @@ class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
         """Controls up, frames down."""
         application = self._application()
         first = await anext(aiter(requests), None)
-        with application.stream(opening_of(first)) as stream:
-            async with aclosing(Duplex(application, stream).responses(requests)) as responses:
-                async for response in responses:
-                    yield response
+        async with (
+            application.stream(opening_of(first)) as stream,
+            aclosing(Duplex(application, stream).responses(requests)) as responses,
+        ):
+            async for response in responses:
+                yield response
 
 
 def opening_of(first: motion_pb2.AnimateRequest | None) -> motion_pb2.Open:
@@ -101,32 +103,37 @@ class Duplex:
         reading = asyncio.create_task(self._read(requests))
         try:
             async for item in self._stream:
-                response = self._application.response(self._stream, item)
-                if self._client_time is not None:
-                    response.echo_client_time.CopyFrom(self._client_time)
-                    self._client_time = None
-                yield response
+                yield self._echoing(self._application.response(self._stream, item))
             if self._failure is not None:
                 raise self._failure
         finally:
             reading.cancel()
 
-    def take(self, request: motion_pb2.AnimateRequest) -> None:
+    async def take(self, request: motion_pb2.AnimateRequest) -> None:
         """Acts on one request."""
         if request.HasField("client_time"):
             self._client_time = request.client_time
         kind = request.WhichOneof("message")
         if kind == "control":
-            self._application.control(self._stream.session.name, request.control)
+            await self._application.control(self._stream.session.name, request.control)
         elif kind == "ack":
             self._stream.acknowledge(request.ack.sequence, request.ack.credit)
         elif kind == "open":
             raise ServiceError(OPEN_REQUIRED, "the stream is open already", field="open")
 
+    def _echoing(self, response: motion_pb2.AnimateResponse) -> motion_pb2.AnimateResponse:
+        """The response with the reader's clock, in a copy: frames are shared with other readers."""
+        if self._client_time is None:
+            return response
+        echoing = motion_pb2.AnimateResponse(echo_client_time=self._client_time)
+        echoing.MergeFrom(response)
+        self._client_time = None
+        return echoing
+
     async def _read(self, requests: AsyncIterator[motion_pb2.AnimateRequest]) -> None:
         try:
             async for request in requests:
-                self.take(request)
+                await self.take(request)
         except Exception as error:
             self._failure = error
             self._stream.finish()

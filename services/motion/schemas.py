@@ -137,7 +137,7 @@ class SessionJson(BaseModel):
             name=session.name,
             id=session.name.removeprefix("sessions/"),
             skeleton_id=session.skeleton.id,
-            create_time=session.create_time,
+            create_time=session.record.create_time,
             expire_time=session.expire_time,
             last_sequence=session.sequence,
             frame_rate=FRAME_RATE,

@@ -1,26 +1,22 @@
-"""Sessions: one character each, with its control cursor, its last frames and its connected streams."""
+"""One character: its state, the controls on their way to it, its last frames and the readers that follow it."""
 
+import asyncio
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from time import time
-from typing import TYPE_CHECKING
-from uuid import uuid4
+from typing import Protocol
 
 import numpy as np
 from character.skeleton import Skeleton
 from roam.v1 import motion_pb2
-from serving.errors import ServiceError
 
-from motion.errors import SESSION_NOT_FOUND, SESSION_QUOTA
+from motion.goal_watch import GoalWatch
 from motion.step import CharacterState, FrameData, Goal, Idle, Intent
-
-if TYPE_CHECKING:
-    from motion.stream import FrameStream
+from motion.store import ControlEntry, SessionRecord, Snapshot
 
 _REMEMBERED_CONTROLS = 1024  # answers kept for controls that are sent again
-_SETTLED_FRAMES = 10  # this long near the goal and still: reached
-_STILL = 0.002  # change of goal distance per frame [m]
+_STORED_ANSWERS = 64  # of them, those that a snapshot carries
 
 Event = motion_pb2.SessionEvent
 
@@ -31,30 +27,39 @@ class FrameRecord:
 
     sequence: int
     data: FrameData
-    packed: dict[tuple[int, bool], motion_pb2.Frame] = field(default_factory=dict)
+    packed: dict[tuple[int, bool], motion_pb2.AnimateResponse] = field(default_factory=dict)
 
 
-@dataclass
-class GoalWatch:
-    """Says once per goal that the character has arrived and settled."""
+@dataclass(frozen=True)
+class ControlChange:
+    """What a control changes: the intent, or whether time runs."""
 
-    tolerance: float  # [m]
-    near: int = 0
-    last: float = float("inf")
-    told: bool = False
+    intent: Intent | None = None
+    goal_name: str = ""
+    paused: bool | None = None
 
-    def restart(self) -> None:
-        """A new goal was given."""
-        self.near, self.last, self.told = 0, float("inf"), False
 
-    def reached(self, distance: float | None) -> bool:
-        """True on the frame at which the goal counts as reached."""
-        if distance is None or self.told:
-            return False
-        still = distance < self.tolerance and abs(distance - self.last) < _STILL
-        self.near, self.last = (self.near + 1 if still else 0), distance
-        self.told = self.near >= _SETTLED_FRAMES
-        return self.told
+class Reader(Protocol):
+    """A connected stream, as its session sees it."""
+
+    realtime: bool
+
+    @property
+    def cursor(self) -> int:
+        """Last sequence that the reader was given."""
+
+    @property
+    def wanted(self) -> int:
+        """How many frames it asks for that do not exist yet; 0 for a REALTIME reader, who waits for the tick."""
+
+    def wake(self) -> None:
+        """Lets it look again."""
+
+    def put_event(self, event: Event, *, after: int) -> None:
+        """Queues an event behind frame `after`."""
+
+    def finish(self) -> None:
+        """Ends it once its events are sent."""
 
 
 class Session:
@@ -62,40 +67,55 @@ class Session:
 
     def __init__(
         self,
+        record: SessionRecord,
         *,
         skeleton: Skeleton,
         state: CharacterState,
-        floor_height: float,
-        idle_timeout: float,
         ring_frames: int,
         goal_tolerance: float,
         clock: Callable[[], float],
     ) -> None:
-        self.name = f"sessions/{uuid4().hex}"
-        self.resume_token = uuid4().hex
+        self.record = record
         self.skeleton = skeleton
         self.state = state
         self.intent: Intent = Idle()
-        self.goal_name = ""
-        self.floor_height = floor_height  # [m]; the animator walks at 0
-        self.idle_timeout = idle_timeout  # [s]
-        self.create_time = self.touched = clock()
-        self.paused = False
-        self.stepping = False
-        self.ended = False
         self.sequence = 0
+        self.touched = clock()
+        self.one_control = asyncio.Lock()  # controls are taken one after the other
+        self.paused = False
+        self.under_way = 0  # frames that a step is computing right now
+        self.held = False  # a control is being written down; no further step starts meanwhile
+        self.ended = False
+        self.exact = True  # false once it was restored on a machine that computes differently
+        self.replay_until = 0  # frames up to here were seen before a takeover, and are computed again at once
         self.ring: deque[FrameRecord] = deque(maxlen=ring_frames)
+        self.streams: set[Reader] = set()
         self.last_control_id = 0
-        self.streams: set[FrameStream] = set()
-        self._controls: OrderedDict[int, int] = OrderedDict()
+        self.reached: Event | None = None  # the last GOAL_REACHED
+        self._restored_controls: int | None = None  # last_control_id when it was taken over
+        self._intent_control = b""
+        self._goal_name = ""
+        self._owed = False  # a tick came while the session was held
+        self._answers: OrderedDict[int, int] = OrderedDict()
+        self._schedule: deque[tuple[int, bytes, ControlChange]] = deque()
         self._watch = GoalWatch(goal_tolerance)
         self._clock = clock
+
+    @property
+    def name(self) -> str:
+        """Resource name."""
+        return self.record.name
+
+    @property
+    def floor_height(self) -> float:
+        """Height of the floor [m]; the animator walks at 0."""
+        return self.record.floor_height
 
     @property
     def expire_time(self) -> float:
         """When it is reclaimed if nobody connects until then [s since 1970]."""
         start = self._clock() if self.streams else self.touched
-        return start + self.idle_timeout
+        return start + self.record.idle_timeout
 
     @property
     def first_kept(self) -> int:
@@ -111,31 +131,124 @@ class Session:
         index = sequence - self.first_kept
         return self.ring[index] if 0 <= index < len(self.ring) else None
 
-    def control(self, control_id: int, change: "ControlChange") -> int:
-        """Applies a control; returns the first sequence it can affect. A control_id seen before changes nothing.
+    # Controls
 
-        0 as control_id takes the next free one.
-        """
-        control_id = control_id or self.last_control_id + 1
-        if control_id <= self.last_control_id:
-            known = self._controls.get(control_id)
-            return known if known is not None else min(self._controls.values(), default=self.sequence)
+    def answer(self, control_id: int) -> int | None:
+        """The effective sequence that was answered to a control seen before; None for a new one."""
+        if not 0 < control_id <= self.last_control_id:
+            return None
+        known = self._answers.get(control_id)
+        return known if known is not None else min(self._answers.values(), default=self.sequence)
+
+    @contextmanager
+    def hold(self) -> Iterator[None]:
+        """No further step starts, so that the first frame that a control can affect stays the first."""
+        self.held = True
+        try:
+            yield
+        finally:
+            self.held = False
+
+    def entry(self, control: motion_pb2.ControlInput) -> ControlEntry:
+        """Names the first frame that a new control can affect. 0 as control_id takes the next free one."""
         # a step that runs right now was given the old intent
-        effective = self.sequence + (2 if self.stepping else 1)
+        effective = max(self.sequence + self.under_way, self.replay_until) + 1
+        control_id = control.control_id or self.last_control_id + 1
+        return ControlEntry(control_id, effective, control.SerializeToString())
+
+    def accept(self, entry: ControlEntry, change: ControlChange) -> None:
+        """Puts a control in force from its frame on and tells the streams."""
         if change.paused is not None:
             self.paused = change.paused
         if change.intent is not None:
-            self.intent = change.intent
-            self.goal_name = change.goal_name
-            self._watch.restart()
-        self.last_control_id = control_id
-        self._controls[control_id] = effective
-        if len(self._controls) > _REMEMBERED_CONTROLS:
-            self._controls.popitem(last=False)
-        self.announce(
-            Event(type=motion_pb2.EVENT_TYPE_CONTROL_APPLIED, sequence=effective, control_id=control_id), after=0
+            self._schedule.append((entry.effective, entry.control, change))
+        self.last_control_id = entry.control_id
+        self._answers[entry.control_id] = entry.effective
+        if len(self._answers) > _REMEMBERED_CONTROLS:
+            self._answers.popitem(last=False)
+        kind = motion_pb2.EVENT_TYPE_CONTROL_APPLIED
+        self.announce(Event(type=kind, sequence=entry.effective, control_id=entry.control_id), after=0)
+
+    def intents(self, count: int) -> list[Intent]:
+        """The intents of the next `count` frames."""
+        intents, intent, waiting = [], self.intent, deque(self._schedule)
+        for sequence in range(self.sequence + 1, self.sequence + count + 1):
+            while waiting and waiting[0][0] <= sequence:
+                intent = waiting.popleft()[2].intent or intent
+            intents.append(intent)
+        return intents
+
+    # Between replicas
+
+    def snapshot(self, build: str) -> Snapshot:
+        """All that another replica needs to go on from here; `build` names what computes the frames."""
+        answers = list(self._answers.items())[-_STORED_ANSWERS:]
+        watch = self._watch
+        return Snapshot(
+            sequence=self.sequence,
+            state=self.state.to_bytes(),
+            control=self._intent_control,
+            paused=self.paused,
+            last_control_id=self.last_control_id,
+            answers=tuple(answers),
+            watch=(watch.near, watch.last, watch.told),
+            reached=self.reached.SerializeToString() if self.reached else b"",
+            build=build if self.exact else "",
         )
-        return effective
+
+    def restore(
+        self, snapshot: Snapshot, current: ControlChange, later: Sequence[tuple[ControlEntry, ControlChange]]
+    ) -> None:
+        """Goes back to a snapshot, whose `state` this session was made with, and to the controls taken after it.
+
+        `current` is the change behind `snapshot.control`. The frames up to the newest control are computed again.
+        """
+        self.sequence = snapshot.sequence
+        self.paused = snapshot.paused
+        self.last_control_id = snapshot.last_control_id
+        self._answers = OrderedDict(snapshot.answers)
+        self.reached = Event.FromString(snapshot.reached) if snapshot.reached else None
+        self._enter(snapshot.control, current)
+        self._watch.near, self._watch.last, self._watch.told = snapshot.watch
+        for entry, change in later:
+            if entry.effective > snapshot.sequence:
+                self.accept(entry, change)
+        self.replay_until = max([snapshot.sequence, *(entry.effective - 1 for entry, _ in later)])
+        self._restored_controls = self.last_control_id
+
+    def catch_up(self, sequence: int, *, most: int) -> None:
+        """Computes again up to a frame that a reader had from the replica before, at most `most` frames at once."""
+        newest = max(self.sequence, self.replay_until)
+        if self._restored_controls is None or not newest < sequence <= newest + most:
+            return
+        self.replay_until = sequence
+        # controls that came since cannot have been in the frames that this reader has
+        self.exact = self.exact and self._restored_controls == self.last_control_id
+
+    # Frames
+
+    def wants(self, *, tick: bool) -> int:
+        """How many frames are due: one on the tick for REALTIME readers, else what readers ask for."""
+        if self.ended or self.under_way:
+            return 0
+        if self.sequence < self.replay_until:  # no control that is being written down can affect these
+            return self.replay_until - self.sequence
+        if self.paused or not self.streams:
+            return 0
+        if any(stream.realtime for stream in self.streams):
+            return self._due(tick)
+        if self.held:
+            return 0
+        # no reader may lose a frame that it has not taken yet
+        room = min(stream.cursor for stream in self.streams) + self.ring_size - 1 - self.sequence
+        return max(0, min(room, max(stream.wanted for stream in self.streams)))
+
+    def _due(self, tick: bool) -> int:
+        self._owed = self._owed or tick
+        if not self._owed or self.held:
+            return 0
+        self._owed = False
+        return 1
 
     def advance(self, state: CharacterState, data: FrameData) -> None:
         """Takes the next frame from the animator and tells the streams."""
@@ -143,109 +256,44 @@ class Session:
             raise FloatingPointError(f"frame {self.sequence + 1} of {self.name} is not finite")
         self.state = state
         self.sequence += 1
+        while self._schedule and self._schedule[0][0] <= self.sequence:
+            self._enter(*self._schedule.popleft()[1:])
         self.ring.append(FrameRecord(self.sequence, data))
         if isinstance(self.intent, Goal) and self._watch.reached(data.goal_distance):
-            self.announce(
-                Event(
-                    type=motion_pb2.EVENT_TYPE_GOAL_REACHED,
-                    sequence=self.sequence,
-                    goal_pose=self.goal_name,
-                    message=f"{data.goal_distance:.3f} m from the goal pose and still",
-                ),
-                after=self.sequence,
-            )
+            self._tell_reached(data.goal_distance)
         for stream in self.streams:
             stream.wake()
+
+    def _enter(self, control: bytes, change: ControlChange) -> None:
+        """A control's frame has come."""
+        if change.intent is not None:
+            self.intent, self._goal_name, self._intent_control = change.intent, change.goal_name, control
+            self._watch.restart()
+
+    def _tell_reached(self, distance: float | None) -> None:
+        self.reached = Event(
+            type=motion_pb2.EVENT_TYPE_GOAL_REACHED,
+            sequence=self.sequence,
+            goal_pose=self._goal_name,
+            message=f"{distance:.3f} m from the goal pose and still",
+        )
+        self.announce(self.reached, after=self.sequence)
 
     def announce(self, event: Event, *, after: int) -> None:
         """Puts an event into every stream, to be sent once the reader has frame `after`."""
         for stream in self.streams:
             stream.put_event(event, after=after)
 
-    def end(self, message: str) -> None:
-        """Ends all streams; the session is not stepped any more."""
+    def end(self, event: Event) -> None:
+        """Ends all streams with an event; the session is not stepped here any more."""
         self.ended = True
-        self.announce(Event(type=motion_pb2.EVENT_TYPE_SESSION_ENDED, sequence=self.sequence, message=message), after=0)
+        event.sequence = self.sequence
+        self.announce(event, after=0)
         for stream in self.streams:
             stream.finish()
-
-    def wants_step(self, *, tick: bool) -> bool:
-        """Whether the next frame is due: on the tick for REALTIME readers, else when a reader asks for it."""
-        if self.ended or self.paused or self.stepping or not self.streams:
-            return False
-        if any(stream.realtime for stream in self.streams):
-            return tick
-        # no reader may lose a frame that it has not taken yet
-        room = all(self.sequence - stream.cursor < self.ring_size - 1 for stream in self.streams)
-        return room and any(stream.hungry for stream in self.streams)
 
     @property
     def ring_size(self) -> int:
         """How many frames the ring can hold."""
         assert self.ring.maxlen is not None
         return self.ring.maxlen
-
-
-@dataclass(frozen=True)
-class ControlChange:
-    """What a control changes: the intent, or whether time runs."""
-
-    intent: Intent | None = None
-    goal_name: str = ""
-    paused: bool | None = None
-
-
-class SessionStore:
-    """The sessions of this process; in memory."""
-
-    def __init__(self, limit: int, clock: Callable[[], float] = time) -> None:
-        self._limit = limit
-        self._clock = clock
-        self._sessions: dict[str, Session] = {}
-        self._by_request: dict[str, str] = {}  # request_id → session name
-
-    def __len__(self) -> int:
-        return len(self._sessions)
-
-    def __iter__(self) -> Iterator[Session]:
-        return iter(list(self._sessions.values()))
-
-    def of_request(self, request_id: str) -> Session | None:
-        """The session that an earlier request with this id made."""
-        name = self._by_request.get(request_id) if request_id else None
-        return self._sessions.get(name) if name else None
-
-    def check_quota(self) -> None:
-        """Raises SESSION_QUOTA when no further session fits; expired ones are dropped first."""
-        self.drop_expired()
-        if len(self._sessions) >= self._limit:
-            soonest = min(session.expire_time for session in self._sessions.values())
-            wait = max(1.0, soonest - self._clock())
-            raise ServiceError(SESSION_QUOTA, f"{self._limit} sessions are alive", retry_after=round(wait, 1))
-
-    def add(self, session: Session, request_id: str) -> None:
-        """Keeps a new session."""
-        self._sessions[session.name] = session
-        if request_id:
-            self._by_request[request_id] = session.name
-
-    def get(self, name: str) -> Session:
-        """A live session; SESSION_NOT_FOUND otherwise."""
-        session = self._sessions.get(name)
-        if session is None:
-            raise ServiceError(SESSION_NOT_FOUND, f"no session {name!r}", field="session")
-        return session
-
-    def remove(self, name: str, message: str) -> None:
-        """Ends a session and forgets it at once."""
-        session = self.get(name)
-        del self._sessions[name]
-        self._by_request = {key: value for key, value in self._by_request.items() if value != name}
-        session.end(message)
-
-    def drop_expired(self) -> None:
-        """Reclaims sessions whose idle timeout has passed without a client."""
-        now = self._clock()
-        for session in self:
-            if not session.streams and session.expire_time <= now:
-                self.remove(session.name, "expired")

@@ -15,3 +15,11 @@ class MotionSettings(ServerSettings):
     ack_window: int = Field(12, ge=1, description="unacknowledged frames that a client which acknowledges may have")
     motion_weights: str = Field("", description="weights of the network; empty: the shipped ones")
     goal_tolerance: float = Field(0.05, gt=0, description="mean joint distance at which a goal counts as reached [m]")
+    session_store: str = Field(
+        "memory",
+        pattern=r"^(memory|(redis|rediss|unix)://.+)$",
+        description="memory, or redis://… where several replicas share sessions",
+    )
+    session_lease: float = Field(0.5, gt=0, description="a replica that is silent for so long loses its sessions [s]")
+    snapshot_frames: int = Field(15, ge=1, description="frames between two snapshots of a session")
+    history_frames: int = Field(240, ge=1, description="how far back a session can be resumed elsewhere [frames]")

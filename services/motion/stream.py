@@ -54,21 +54,23 @@ class FrameStream:
         self._unacknowledged: deque[int] = deque(maxlen=options.ack_window)
         self.cursor, discontinuity = _starting_point(session, options, self.realtime)
         self._start: StreamStart | None = StreamStart(self.cursor + 1, discontinuity)
-        self._backlog_end = session.sequence if options.after_sequence else 0
+        self._backlog_end = max(session.sequence, session.replay_until) if options.after_sequence else 0
         self._events: deque[tuple[int, Event]] = deque()
         self._finished = False
         self._awake = asyncio.Event()
         self._demand = demand  # tells the ticker that this reader may want a frame
+        reached = session.reached
+        if options.after_sequence and reached is not None and reached.sequence >= options.after_sequence:
+            self.put_event(reached, after=reached.sequence)  # the break may have swallowed it
 
     @property
-    def hungry(self) -> bool:
-        """Whether a reader that sets the pace asks for a frame that does not exist yet."""
+    def wanted(self) -> int:
+        """How many frames a reader that sets the pace asks for that do not exist yet."""
         if self.realtime:
-            return False
-        ahead = self.session.sequence - self.cursor
-        if self.options.pacing == motion_pb2.PACING_CREDIT:
-            return self.credit > ahead
-        return ahead < self.options.burst_frames
+            return 0
+        credit = self.options.pacing == motion_pb2.PACING_CREDIT
+        allowed = self.credit if credit else self.options.burst_frames
+        return max(0, self.cursor + allowed - self.session.sequence)
 
     def acknowledge(self, sequence: int, credit: int) -> None:
         """The reader has frames up to `sequence` and can take `credit` more."""
@@ -80,7 +82,9 @@ class FrameStream:
         self._demand()
 
     def put_event(self, event: Event, *, after: int) -> None:
-        """Queues an event behind frame `after`."""
+        """Queues an event behind frame `after`; none for what the reader had before it came back."""
+        if after and after < self.options.after_sequence:
+            return
         self._events.append((after, event))
         self.wake()
 
@@ -98,9 +102,7 @@ class FrameStream:
 
     async def __anext__(self) -> Item:
         while True:
-            item = self._next()
-            if not self.realtime:
-                self._demand()
+            item = self.next()
             if item is not None:
                 return item
             if self._finished:
@@ -108,7 +110,14 @@ class FrameStream:
             self._awake.clear()
             await self._awake.wait()
 
-    def _next(self) -> Item | None:
+    def next(self) -> Item | None:
+        """What the reader can have right now, if anything."""
+        item = self._take()
+        if not self.realtime:
+            self._demand()
+        return item
+
+    def _take(self) -> Item | None:
         if self._start is not None:
             start, self._start = self._start, None
             return start
@@ -147,16 +156,17 @@ class FrameStream:
 
 
 def _check(session: Session, options: StreamOptions) -> None:
-    if options.after_sequence > session.sequence:
-        detail = f"after_sequence {options.after_sequence} but the newest frame is {session.sequence}"
+    newest = max(session.sequence, session.replay_until)
+    if options.after_sequence > newest:
+        detail = f"after_sequence {options.after_sequence} but the newest frame is {newest}"
         raise ServiceError(SEQUENCE_AHEAD, detail, field="open.after_sequence")
-    if options.resume_token and options.resume_token != session.resume_token:
+    if options.resume_token and options.resume_token != session.record.resume_token:
         raise ServiceError(INVALID_ARGUMENT, "resume_token is of another session", field="open.resume_token")
 
 
 def _starting_point(session: Session, options: StreamOptions, realtime: bool) -> tuple[int, bool]:
     """The cursor, and whether frames that the reader has not seen are lost."""
     if realtime and not options.after_sequence:
-        return session.sequence, False
+        return max(session.sequence, session.replay_until), False
     oldest = session.first_kept - 1
     return max(options.after_sequence, oldest), oldest > options.after_sequence

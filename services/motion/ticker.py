@@ -8,14 +8,19 @@ from time import perf_counter
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from serving.logs import get_log
 
-from motion.sessions import Session, SessionStore
+from motion.live import LiveSessions
+from motion.ownership import Ownership
+from motion.sessions import Session
 from motion.step import CharacterState, FrameData, Intent
 
 log = get_log("motion.ticker")
 
 Step = Callable[[Sequence[CharacterState], Sequence[Intent]], list[tuple[CharacterState, FrameData]]]
 
+Result = tuple[CharacterState, FrameData] | Exception
+
 _SWEEP_SECONDS = 1.0
+_FRAMES_AHEAD = 8  # most frames of one trip to the thread, where nobody waits for the next tick
 
 
 class TickerMetrics:
@@ -42,8 +47,11 @@ class TickerMetrics:
 class Ticker:
     """Runs as one task; sessions with REALTIME readers move on the tick, others when their readers ask."""
 
-    def __init__(self, store: SessionStore, step: Step, *, frame_rate: float, registry: CollectorRegistry) -> None:
-        self._store = store
+    def __init__(
+        self, live: LiveSessions, ownership: Ownership, step: Step, *, frame_rate: float, registry: CollectorRegistry
+    ) -> None:
+        self._live = live
+        self._ownership = ownership
         self._step = step
         self._interval = 1 / frame_rate
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="motion-step")
@@ -66,56 +74,84 @@ class Ticker:
             now = loop.time()
             if now >= next_sweep:
                 next_sweep = now + _SWEEP_SECONDS
-                self._sweep()
+                self.sweep()
             tick = now >= next_tick
             if tick:
                 next_tick = self._following(next_tick, now)
             self._awake.clear()
-            due = [session for session in self._store if session.wants_step(tick=tick)]
+            due, frames = self._due(tick)
             if due:
-                await self.step(due)
+                await self.step(due, frames)
             else:
                 await self._sleep(next_tick if self._any_realtime() else next_sweep)
 
-    async def step(self, sessions: Sequence[Session]) -> None:
-        """One batched step of some sessions; a session whose step fails is ended, the others go on."""
+    def _due(self, tick: bool) -> tuple[list[Session], int]:
+        """The sessions to step now, and by how many frames: several where that makes no tick late."""
+        if not self._ownership.valid:
+            return [], 0
+        wanted = {session: frames for session in self._live if (frames := session.wants(tick=tick))}
+        ahead = 1 if self._any_realtime() else _FRAMES_AHEAD
+        return list(wanted), min([ahead, *wanted.values()])
+
+    async def step(self, sessions: Sequence[Session], frames: int = 1) -> None:
+        """Some batched steps of some sessions; a session whose step fails is ended, the others go on."""
+        intents = [session.intents(frames) for session in sessions]
+        states = [session.state for session in sessions]
         for session in sessions:
-            session.stepping = True
+            session.under_way = frames
         loop = asyncio.get_running_loop()
         start = perf_counter()
         try:
-            results = await loop.run_in_executor(self._executor, self._compute, sessions)
+            results = await loop.run_in_executor(self._executor, self._compute, states, intents)
         finally:
             for session in sessions:
-                session.stepping = False
-        self.metrics.step_seconds.observe(perf_counter() - start)
-        self.metrics.ticks.inc()
+                session.under_way = 0
+        self.metrics.step_seconds.observe((perf_counter() - start) / frames)
+        self.metrics.ticks.inc(frames)
         self.metrics.batch.observe(len(sessions))
-        for session, result in zip(sessions, results, strict=True):
-            self._take(session, result)
+        if not self._ownership.valid:
+            return  # too late: another replica may be computing these frames, and nobody has seen them here
+        for session, frame_results in zip(sessions, results, strict=True):
+            self._take(session, frame_results)
 
-    def _compute(self, sessions: Sequence[Session]) -> Sequence[tuple[CharacterState, FrameData] | Exception]:
-        states = [session.state for session in sessions]
-        intents = [session.intent for session in sessions]
+    def _compute(
+        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]]
+    ) -> Sequence[Sequence[Result]]:
+        """Frames of every session, in order; where one fails, its error comes last."""
+        results: list[list[Result]] = [[] for _ in states]
+        going = dict(enumerate(states))
+        for frame in range(len(intents[0])):
+            stepped = self._step_all(list(going.values()), [intents[index][frame] for index in going])
+            for index, result in zip(list(going), stepped, strict=True):
+                results[index].append(result)
+                if isinstance(result, Exception):
+                    del going[index]
+                else:
+                    going[index] = result[0]
+        return results
+
+    def _step_all(self, states: Sequence[CharacterState], intents: Sequence[Intent]) -> Sequence[Result]:
         try:
             return self._step(states, intents)
         except Exception as error:
-            if len(sessions) == 1:
+            if len(states) == 1:
                 return [error]
-            return [result for session in sessions for result in self._compute([session])]
+            return [self._step_all([state], [intent])[0] for state, intent in zip(states, intents, strict=True)]
 
-    def _take(self, session: Session, result: tuple[CharacterState, FrameData] | Exception) -> None:
-        if session.ended:
-            return
+    def _take(self, session: Session, results: Sequence[Result]) -> None:
         try:
-            if isinstance(result, Exception):
-                raise result
-            session.advance(*result)
-            self.metrics.frames.inc()
+            for result in results:
+                if session.ended:
+                    return
+                if isinstance(result, Exception):
+                    raise result
+                session.advance(*result)
+                self._ownership.advanced(session)
+                self.metrics.frames.inc()
         except Exception as error:
             log.error("session ended by an error", session=session.name, exc_info=error)
             self.metrics.failures.inc()
-            self._store.remove(session.name, f"internal error: {type(error).__name__}")
+            self._ownership.remove(session, f"internal error: {type(error).__name__}")
 
     def _following(self, tick: float, now: float) -> float:
         """Time of the next tick; a late ticker does not run after what it missed, session time stretches instead."""
@@ -127,12 +163,14 @@ class Ticker:
         return now + self._interval
 
     def _any_realtime(self) -> bool:
-        return any(stream.realtime for session in self._store for stream in session.streams)
+        return any(stream.realtime for session in self._live for stream in session.streams)
 
-    def _sweep(self) -> None:
-        self._store.drop_expired()
-        self.metrics.sessions.set(len(self._store))
-        self.metrics.streams.set(sum(len(session.streams) for session in self._store))
+    def sweep(self) -> None:
+        """Reclaims sessions that nobody has used for their idle timeout."""
+        for session in self._live.expired():
+            self._ownership.remove(session, "expired")
+        self.metrics.sessions.set(len(self._live))
+        self.metrics.streams.set(sum(len(session.streams) for session in self._live))
 
     async def _sleep(self, until: float) -> None:
         """Sleeps until a loop time or the next wake."""

@@ -52,10 +52,12 @@ async def _animate(socket: WebSocket, application: MotionApplication, session: s
     requests = _requests(socket)
     opening = opening_of(await anext(requests))
     opening.session = opening.session or session
-    with application.stream(opening) as stream:
-        async with aclosing(Duplex(application, stream).responses(requests)) as responses:
-            async for response in responses:
-                await socket.send_bytes(response.SerializeToString())
+    async with (
+        application.stream(opening) as stream,
+        aclosing(Duplex(application, stream).responses(requests)) as responses,
+    ):
+        async for response in responses:
+            await socket.send_bytes(response.SerializeToString())
 
 
 async def _requests(socket: WebSocket) -> AsyncIterator[motion_pb2.AnimateRequest]:

@@ -11,7 +11,7 @@ from motion.stream import StreamStart
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
 from serving.errors import ServiceError
-from walker import Walker
+from walker import Place, Walker
 
 REALTIME, CREDIT, BURST = motion_pb2.PACING_REALTIME, motion_pb2.PACING_CREDIT, motion_pb2.PACING_BURST
 SKIPPED = motion_pb2.EVENT_TYPE_FRAMES_SKIPPED
@@ -24,15 +24,21 @@ async def application():
     """An application whose ticker does not run: tests step by hand."""
     settings = MotionSettings(ring_frames=8, burst_frames=3, ack_window=4)
     application = MotionApplication(
-        Walker(), Walker.skeleton, skeleton_pb2.Skeleton(id="s"), settings, CollectorRegistry()
+        Walker(),
+        Walker.skeleton,
+        skeleton_pb2.Skeleton(id="s"),
+        settings,
+        CollectorRegistry(),
+        restore=Place.from_bytes,
     )
+    await application.ownership.renew()
     yield application
     await application.close()
 
 
 @pytest.fixture
-def session(application):
-    return application.create_session(motion_pb2.CreateSessionRequest())
+async def session(application):
+    return await application.create_session(motion_pb2.CreateSessionRequest())
 
 
 async def step(application, session, count=1):
@@ -62,7 +68,7 @@ def opening(session, pacing, **fields):
 
 async def test_realtime_gives_the_newest_frame_and_says_what_was_skipped(application, session):
     await step(application, session, 2)
-    with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(opening(session, REALTIME)) as stream:
         assert await take(stream) == [("start", 3, False)]
         await step(application, session)
         assert await take(stream) == [3]
@@ -73,7 +79,7 @@ async def test_realtime_gives_the_newest_frame_and_says_what_was_skipped(applica
 
 
 async def test_the_skipped_count_is_exact(application, session):
-    with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(opening(session, REALTIME)) as stream:
         await anext(stream)
         await step(application, session, 5)
         event = await anext(stream)
@@ -81,7 +87,7 @@ async def test_the_skipped_count_is_exact(application, session):
 
 
 async def test_a_reader_that_acknowledges_gets_a_window(application, session):
-    with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(opening(session, REALTIME)) as stream:
         stream.acknowledge(0, 0)
         taken = await take(stream)
         for _ in range(10):
@@ -94,42 +100,42 @@ async def test_a_reader_that_acknowledges_gets_a_window(application, session):
 
 async def test_realtime_after_a_break_gets_what_it_missed_then_the_newest(application, session):
     await step(application, session, 6)
-    with application.stream(opening(session, REALTIME, after_sequence=3)) as stream:
+    async with application.stream(opening(session, REALTIME, after_sequence=3)) as stream:
         assert await take(stream) == [("start", 4, False), 4, 5, 6]
 
 
 async def test_credit_moves_the_session_exactly_as_far_as_granted(application, session):
-    with application.stream(opening(session, CREDIT, credit=2)) as stream:
+    async with application.stream(opening(session, CREDIT, credit=2)) as stream:
         taken = [*await take(stream)]
-        while session.wants_step(tick=True):
+        while session.wants(tick=True):
             await step(application, session)
             taken += await take(stream)
         assert taken == [("start", 1, False), 1, 2]
         stream.acknowledge(2, 3)
-        while session.wants_step(tick=False):
+        while session.wants(tick=False):
             await step(application, session)
         assert await take(stream) == [3, 4, 5]
         assert session.sequence == 5
 
 
 async def test_burst_runs_ahead_of_its_reader_only_as_far_as_allowed(application, session):
-    with application.stream(opening(session, BURST)) as stream:
+    async with application.stream(opening(session, BURST)) as stream:
         assert await take(stream) == [("start", 1, False)]
-        while session.wants_step(tick=False):
+        while session.wants(tick=False):
             await step(application, session)
         assert session.sequence == 3
         assert await take(stream) == [1, 2, 3]
-        assert session.wants_step(tick=False)
+        assert session.wants(tick=False)
 
 
 async def test_no_frame_is_skipped_for_the_slower_of_two_bakers(application, session):
-    with (
+    async with (
         application.stream(opening(session, BURST)) as fast,
         application.stream(opening(session, BURST)) as slow,
     ):
         taken = []
         for _ in range(50):
-            if session.wants_step(tick=False):
+            if session.wants(tick=False):
                 await step(application, session)
             taken += await take(fast)
         assert session.sequence == 7  # the ring holds 8
@@ -138,66 +144,69 @@ async def test_no_frame_is_skipped_for_the_slower_of_two_bakers(application, ses
 
 async def test_resume_from_the_ring_is_seamless_and_says_when_it_is_not(application, session):
     await step(application, session, 10)  # the ring keeps 3..10
-    with application.stream(opening(session, BURST, after_sequence=5)) as stream:
+    async with application.stream(opening(session, BURST, after_sequence=5)) as stream:
         assert await take(stream) == [("start", 6, False), 6, 7, 8, 9, 10]
-    with application.stream(opening(session, BURST, after_sequence=1)) as stream:
+    async with application.stream(opening(session, BURST, after_sequence=1)) as stream:
         assert await take(stream) == [("start", 3, True), 3, 4, 5, 6, 7, 8, 9, 10]
 
 
 async def test_a_stream_cannot_start_in_the_future_or_with_a_foreign_token(application, session):
-    with pytest.raises(ServiceError) as caught, application.stream(opening(session, BURST, after_sequence=1)):
-        pass
+    with pytest.raises(ServiceError) as caught:
+        async with application.stream(opening(session, BURST, after_sequence=1)):
+            pass
     assert caught.value.kind is SEQUENCE_AHEAD
-    with pytest.raises(ServiceError) as caught, application.stream(opening(session, BURST, resume_token="other")):
-        pass
+    with pytest.raises(ServiceError) as caught:
+        async with application.stream(opening(session, BURST, resume_token="other")):
+            pass
     assert caught.value.field == "open.resume_token"
-    with application.stream(opening(session, BURST, resume_token=session.resume_token)):
+    async with application.stream(opening(session, BURST, resume_token=session.record.resume_token)):
         pass
 
 
 async def test_nobody_watching_nobody_moving(application, session):
-    assert not session.wants_step(tick=True)
-    with application.stream(opening(session, REALTIME)):
-        assert session.wants_step(tick=True)
-        assert not session.wants_step(tick=False)
+    assert not session.wants(tick=True)
+    async with application.stream(opening(session, REALTIME)):
+        assert session.wants(tick=True)
+        assert not session.wants(tick=False)
         pause = motion_pb2.ControlInput(control_id=1, playback=motion_pb2.Playback(paused=True))
-        application.control(session.name, pause)
-        assert not session.wants_step(tick=True)
+        await application.control(session.name, pause)
+        assert not session.wants(tick=True)
         resume = motion_pb2.ControlInput(control_id=2, playback=motion_pb2.Playback(paused=False))
-        application.control(session.name, resume)
-        assert session.wants_step(tick=True)
-    assert not session.wants_step(tick=True)
+        await application.control(session.name, resume)
+        assert session.wants(tick=True)
+    assert not session.wants(tick=True)
 
 
 async def test_controls_are_confirmed_on_every_stream(application, session):
-    with application.stream(opening(session, BURST)) as stream:
+    async with application.stream(opening(session, BURST)) as stream:
         await take(stream)
         steer = motion_pb2.ControlInput(control_id=9, steer=motion_pb2.Steer(velocity_x=1))
-        application.control(session.name, steer)
+        await application.control(session.name, steer)
         assert await take(stream) == [(APPLIED, 1)]
 
 
 async def test_deleting_a_session_ends_its_streams(application, session):
-    with application.stream(opening(session, BURST)) as stream:
+    async with application.stream(opening(session, BURST)) as stream:
         await take(stream)
-        application.delete_session(session.name)
+        await application.delete_session(session.name)
         assert await take(stream) == [(ENDED, 0)]
         with pytest.raises(StopAsyncIteration):
             await anext(stream)
 
 
 async def test_draining_tells_readers_and_takes_no_more(application, session):
-    with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(opening(session, REALTIME)) as stream:
         await take(stream)
-        application.drain()
+        await application.drain()
         assert await take(stream) == [(motion_pb2.EVENT_TYPE_DRAINING, 0)]
-    with pytest.raises(ServiceError) as caught, application.stream(opening(session, REALTIME)):
-        pass
+    with pytest.raises(ServiceError) as caught:
+        async with application.stream(opening(session, REALTIME)):
+            pass
     assert caught.value.kind.reason == "DRAINING"
 
 
 async def test_many_readers_share_one_packing(application, session):
-    with (
+    async with (
         application.stream(opening(session, BURST)) as one,
         application.stream(opening(session, BURST)) as two,
     ):

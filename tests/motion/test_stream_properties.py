@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion.sessions import FrameRecord, Session
 from motion.step import Idle
+from motion.store import SessionRecord
 from motion.stream import FrameStream, StreamOptions, StreamStart
 from roam.v1 import motion_pb2
 from walker import Walker
@@ -31,15 +32,14 @@ class Reader:
 
     def connect(self):
         after = self.taken[-1] if self.taken else 0
-        options = StreamOptions(
-            pacing=self.pacing, after_sequence=after, credit=2, ack_window=4, resume_token=self.session.resume_token
-        )
+        token = self.session.record.resume_token
+        options = StreamOptions(pacing=self.pacing, after_sequence=after, credit=2, ack_window=4, resume_token=token)
         self.stream = FrameStream(self.session, options, demand=lambda: None)
         self.session.streams = {self.stream}
 
     def read(self):
         """Everything there is to read now."""
-        while (item := self.stream._next()) is not None:
+        while (item := self.stream.next()) is not None:
             if isinstance(item, FrameRecord):
                 assert item.sequence == self.position + 1
                 self.taken.append(item.sequence)
@@ -58,10 +58,9 @@ class Reader:
 
 def play(pacing, doings):
     session = Session(
+        SessionRecord("sessions/00", "token", "", WALKER.skeleton.id, 0.0, 60.0, 0.0),
         skeleton=WALKER.skeleton,
         state=STATE,
-        floor_height=0.0,
-        idle_timeout=60,
         ring_frames=RING,
         goal_tolerance=0.05,
         clock=lambda: 0.0,
@@ -69,7 +68,7 @@ def play(pacing, doings):
     reader = Reader(session, pacing)
     for doing in doings:
         if doing == "step":
-            if session.wants_step(tick=True):
+            if session.wants(tick=True):
                 session.advance(STATE, FRAME)
         elif doing == "reconnect":
             reader.connect()

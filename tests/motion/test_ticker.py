@@ -9,7 +9,7 @@ from motion.sessions import FrameRecord
 from motion.settings import MotionSettings
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
-from walker import Walker
+from walker import Place, Walker
 
 
 @pytest.fixture
@@ -20,14 +20,20 @@ def walker():
 @pytest.fixture
 async def application(walker):
     application = MotionApplication(
-        walker, Walker.skeleton, skeleton_pb2.Skeleton(id="s"), MotionSettings(burst_frames=4), CollectorRegistry()
+        walker,
+        Walker.skeleton,
+        skeleton_pb2.Skeleton(id="s"),
+        MotionSettings(burst_frames=4),
+        CollectorRegistry(),
+        restore=Place.from_bytes,
     )
+    await application.ownership.renew()
     yield application
     await application.close()
 
 
-def create(application, **fields):
-    return application.create_session(motion_pb2.CreateSessionRequest(**fields))
+async def create(application, **fields):
+    return await application.create_session(motion_pb2.CreateSessionRequest(**fields))
 
 
 def burst(session):
@@ -45,18 +51,18 @@ async def frames(stream, count):
 
 
 async def test_sessions_that_are_due_share_one_batch(application, walker):
-    sessions = [create(application, seed=seed) for seed in range(5)]
+    sessions = [await create(application, seed=seed) for seed in range(5)]
     await application.ticker.step(sessions)
     assert walker.batches == [5]
     assert [session.sequence for session in sessions] == [1] * 5
 
 
 async def test_the_running_ticker_feeds_many_readers(application, walker):
-    sessions = [create(application) for _ in range(6)]
+    sessions = [await create(application) for _ in range(6)]
     application.start()
 
     async def read(session):
-        with application.stream(burst(session)) as stream:
+        async with application.stream(burst(session)) as stream:
             return [record.sequence for record in await frames(stream, 20)]
 
     for sequences in await asyncio.gather(*(read(session) for session in sessions)):
@@ -65,9 +71,9 @@ async def test_the_running_ticker_feeds_many_readers(application, walker):
 
 
 async def test_realtime_ticks_by_itself(application):
-    session = create(application)
+    session = await create(application)
     application.start()
-    with application.stream(motion_pb2.Open(session=session.name)) as stream:
+    async with application.stream(motion_pb2.Open(session=session.name)) as stream:
         taken = await frames(stream, 3)
     assert taken[0].sequence == 1
     assert [record.sequence for record in taken] == sorted({record.sequence for record in taken})
@@ -75,8 +81,8 @@ async def test_realtime_ticks_by_itself(application):
 
 async def test_a_failing_session_ends_alone(application, walker):
     walker.poisoned_seed = 13
-    good, bad = create(application, seed=1), create(application, seed=13)
-    with application.stream(burst(bad)) as stream:
+    good, bad = await create(application, seed=1), await create(application, seed=13)
+    async with application.stream(burst(bad)) as stream:
         await anext(stream)
         await application.ticker.step([good, bad])
         event = await anext(stream)
@@ -88,21 +94,21 @@ async def test_a_failing_session_ends_alone(application, walker):
 
 async def test_a_session_deleted_during_its_step_stays_deleted(application, walker):
     walker.gate = threading.Event()
-    session = create(application)
+    session = await create(application)
     stepping = asyncio.create_task(application.ticker.step([session]))
     await asyncio.sleep(0)
-    application.delete_session(session.name)
+    await application.delete_session(session.name)
     walker.gate.set()
     await stepping
     assert session.sequence == 0
 
 
 async def test_frames_do_not_depend_on_who_else_is_stepped(application):
-    alone, together = create(application, seed=1), create(application, seed=1)
+    alone, together = await create(application, seed=1), await create(application, seed=1)
     steer = motion_pb2.ControlInput(control_id=1, steer=motion_pb2.Steer(velocity_x=1, velocity_z=0.5))
     for session in (alone, together):
-        application.control(session.name, steer)
-    others = [create(application, seed=seed) for seed in range(2, 6)]
+        await application.control(session.name, steer)
+    others = [await create(application, seed=seed) for seed in range(2, 6)]
     for _ in range(5):
         await application.ticker.step([alone])
         await application.ticker.step([*others, together])

@@ -4,6 +4,7 @@ import threading
 from dataclasses import dataclass, field
 
 import numpy as np
+import orjson
 from character.kinematics import forward_kinematics
 from character.skeleton import humanoid_skeleton
 from motion.step import FrameData, Goal, Idle, Steer
@@ -17,6 +18,14 @@ class Place:
 
     position: tuple[float, float]
     seed: int
+
+    def to_bytes(self):
+        return orjson.dumps([self.position, self.seed])
+
+    @staticmethod
+    def from_bytes(data):
+        position, seed = orjson.loads(data)
+        return Place(tuple(position), seed)
 
 
 @dataclass

@@ -1,0 +1,39 @@
+"""A session made again from what the store has of it."""
+
+from collections.abc import Callable
+
+from roam.v1 import motion_pb2
+
+from motion.messages import control_change
+from motion.sessions import ControlChange, Session
+from motion.store import Claim, Snapshot
+
+
+def revive(claim: Claim, after_sequence: int, *, build: str, make: Callable[[Snapshot], Session]) -> Session:
+    """A claimed session, ready to compute what follows `after_sequence` (0: the newest that is known).
+
+    `make` gives a session in a snapshot's state. Frames are only promised to be exact where the same `build` made them.
+    """
+    snapshot = _fitting(claim, after_sequence)
+    session = make(snapshot)
+    later = [(entry, _change(entry.control, session)) for entry in claim.controls]
+    session.restore(snapshot, _change(snapshot.control, session), later)
+    newest = claim.snapshots[-1].sequence
+    session.replay_until = max(session.replay_until, newest)
+    session.exact = snapshot.build == build
+    return session
+
+
+def _fitting(claim: Claim, after_sequence: int) -> Snapshot:
+    oldest, newest = claim.snapshots[0], claim.snapshots[-1]
+    if not after_sequence:
+        return newest
+    return max(
+        (snapshot for snapshot in claim.snapshots if snapshot.sequence <= after_sequence),
+        key=lambda snapshot: snapshot.sequence,
+        default=oldest,
+    )
+
+
+def _change(control: bytes, session: Session) -> ControlChange:
+    return control_change(motion_pb2.ControlInput.FromString(control), session) if control else ControlChange()
