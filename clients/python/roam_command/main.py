@@ -3,6 +3,7 @@
 import typer
 
 from roam_command import evaluate, train
+from roam_command.batch import batch
 from roam_command.demo import demo
 from roam_command.pose import pose
 from roam_command.serve import serve
@@ -21,6 +22,7 @@ PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_optio
 
 app.command("pose")(pose)
 app.command("sit")(sit)
+app.command("batch")(batch)
 app.command("demo")(demo)
 app.command("serve")(serve)
 

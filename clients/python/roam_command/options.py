@@ -51,9 +51,8 @@ OutputOption = Annotated[
 
 @dataclass(frozen=True)
 class Wish:
-    """The object and what a character is to do with it."""
+    """What a character is to do with an object, and how the object's file is read."""
 
-    object: ObjectArgument
     reference: ReferenceOption = None
     action: ActionOption = ActionName.SIT
     seed: SeedOption = 0

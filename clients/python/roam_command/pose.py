@@ -11,13 +11,22 @@ from roam_client import Action, Client, GoalPose, Object, Progress
 
 from roam_command.exports import POSE_ENDINGS, check_exporters, write_pose
 from roam_command.option_groups import grouped
-from roam_command.options import JsonOption, OutputOption, ServerChoice, Wish, checked_object, checked_outputs
+from roam_command.options import (
+    JsonOption,
+    ObjectArgument,
+    OutputOption,
+    ServerChoice,
+    Wish,
+    checked_object,
+    checked_outputs,
+)
 from roam_command.reports import centimetres, print_result, progress_bar, reported, tell_warnings
 from roam_command.servers import connected
 
 
 @grouped
 def pose(
+    object: ObjectArgument,
     wish: Wish,
     to: ServerChoice,
     output: OutputOption = None,
@@ -34,24 +43,24 @@ def pose(
     `-o` saves .npz, .json, or .glb (body and object).
     """
     with reported(as_json=json):
-        checked_object(wish.object)
+        checked_object(object)
         outputs = checked_outputs(output, POSE_ENDINGS)
         check_exporters(outputs)
         with connected(to) as client, progress_bar() as bar:
             start = time.perf_counter()
-            place, goal = make_goal_pose(client, bar, wish, restarts=restarts, solver=solver)
+            place, goal = make_goal_pose(client, bar, object, wish, restarts=restarts, solver=solver)
             seconds = time.perf_counter() - start
         for path in outputs:
-            write_pose(path, goal, source=wish.object, object=place)
+            write_pose(path, goal, source=object, object=place)
         tell_warnings([*place.warnings, *goal.warnings])
         result = {**goal_pose_figures(goal), "seconds": seconds, "files": [str(path) for path in outputs]}
         print_result(result, [*goal_pose_lines(goal), ("time", f"{seconds:.1f} s"), *file_lines(outputs)], as_json=json)
 
 
-def make_goal_pose(client: Client, bar: Bar, wish: Wish, **options: Any) -> tuple[Object, GoalPose]:
+def make_goal_pose(client: Client, bar: Bar, source: Path, wish: Wish, **options: Any) -> tuple[Object, GoalPose]:
     """Uploads and optimises, with a progress bar; `options` are further ones of `Client.synthesize`."""
     task = bar.add_task("reading the object", total=None, note="")
-    place = client.upload(wish.object, unit=wish.unit, up_axis=wish.up)
+    place = client.upload(source, unit=wish.unit, up_axis=wish.up)
     bar.update(task, description="fitting the pose")
 
     def show(progress: Progress) -> None:

@@ -111,8 +111,12 @@ def _plain(text: str) -> str:
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A bar on stderr; silent where stderr is not a terminal."""
+    # Above a bar rich prints on the bar's stream: results may be on their way to a file.
+    above = sys.stdout.isatty()
     columns = (TextColumn("{task.description:<28}"), BarColumn(bar_width=32), TextColumn("{task.fields[note]}"))
-    with Progress(*columns, TimeElapsedColumn(), console=stderr, disable=not stderr.is_terminal) as progress:
+    with Progress(
+        *columns, TimeElapsedColumn(), console=stderr, disable=not stderr.is_terminal, redirect_stdout=above
+    ) as progress:
         yield progress
 
 

@@ -12,7 +12,15 @@ from roam_client import Frame, GoalPose, Motion, Placement
 
 from roam_command.exports import MOTION_ENDINGS, check_exporters, write_motion
 from roam_command.option_groups import grouped
-from roam_command.options import JsonOption, OutputOption, ServerChoice, Wish, checked_object, checked_outputs
+from roam_command.options import (
+    JsonOption,
+    ObjectArgument,
+    OutputOption,
+    ServerChoice,
+    Wish,
+    checked_object,
+    checked_outputs,
+)
 from roam_command.pose import file_lines, goal_pose_figures, goal_pose_lines, make_goal_pose
 from roam_command.reports import UsageError, centimetres, print_result, progress_bar, reported, stderr, tell_warnings
 from roam_command.servers import connected
@@ -22,6 +30,7 @@ DEFAULT_DISTANCE = 3.0  # [m] in front of the goal pose
 
 @grouped
 def sit(
+    object: ObjectArgument,
     wish: Wish,
     to: ServerChoice,
     start: Annotated[
@@ -45,13 +54,13 @@ def sit(
     (metres, Y up).
     """
     with reported(as_json=json):
-        checked_object(wish.object)
+        checked_object(object)
         outputs = checked_outputs(output, MOTION_ENDINGS)
         check_exporters(outputs)
         place_wanted = parse_start(start) if start is not None else None
         with connected(to) as client, progress_bar() as bar:
             began = time.perf_counter()
-            place, goal = make_goal_pose(client, bar, wish)
+            place, goal = make_goal_pose(client, bar, object, wish)
             posed = time.perf_counter()
             placement = place_wanted or in_front_of(goal, DEFAULT_DISTANCE)
             with client.create_session(placement, seed=wish.seed, floor_height=goal.floor_height) as session:
@@ -59,7 +68,7 @@ def sit(
                 motion = session.bake(goal, hold=hold, stand_up=stand_up, max_frames=frames, on_frame=counter.show)
             times = Times(posed - began, time.perf_counter() - posed)
         for path in outputs:
-            write_motion(path, motion, source=wish.object, object=place)
+            write_motion(path, motion, source=object, object=place)
         tell_warnings([*place.warnings, *goal.warnings])
         figures = motion_figures(motion, goal, times, hold=hold)
         _tell_missed(figures, frames)

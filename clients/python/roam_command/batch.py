@@ -1,0 +1,106 @@
+"""`roam batch DIR -o OUT`: goal poses on every furniture file of a folder."""
+
+import json as json_module
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from roam_client.objects import FORMATS
+from roam_client.skeleton import Skeleton
+
+from roam_command import batch_engines
+from roam_command.batch_ledger import Ending, Ledger
+from roam_command.batch_work import Order
+from roam_command.option_groups import grouped
+from roam_command.options import JsonOption, Wish
+from roam_command.reports import UsageError, centimetres, progress_bar, reported, stderr
+
+
+class Engine(StrEnum):
+    """Where the work is done."""
+
+    LOCAL = "local"
+    RAY = "ray"
+
+
+@grouped
+def batch(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of furniture files; folders inside it count too.")
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for the poses; made if missing.")
+    ],
+    wish: Wish,
+    ending: Annotated[Ending, typer.Option("--format", help="glb: body and object.")] = Ending.NPZ,
+    engine: Annotated[
+        Engine, typer.Option("--engine", help="local: processes of this machine; ray: a Ray cluster (RAY_ADDRESS).")
+    ] = Engine.LOCAL,
+    jobs: Annotated[int, typer.Option("--jobs", min=0, help="Processes at a time; 0: one per core.")] = 0,
+    json: JsonOption = False,
+) -> None:
+    """Make a pose for every furniture file in DIR, one line each; stop it and run it again to go on.
+
+    OUT gets `NAME.npz` for every NAME, and `batch.jsonl` with one line per object: what was made, with which figures,
+    or why not. Objects done before with the same options are left alone; failures are listed and tried again next time.
+    """
+    with reported(as_json=json):
+        sources = furniture_files(folder, output)
+        order = Order(wish.reference, wish.action.value, wish.seed, wish.unit, wish.up)
+        ledger = Ledger(output, folder, order, ending)
+        left = [source for source in sources if not ledger.has(source)]
+        run = batch_engines.ray_cluster if engine is Engine.RAY else batch_engines.local
+        failures: list[dict[str, Any]] = []
+        skeleton = _skeleton()
+        with progress_bar() as bar:
+            task = bar.add_task("goal poses", total=len(sources), completed=len(sources) - len(left), note="")
+            for source, outcome in run(left, order, jobs=jobs or os.cpu_count() or 1):
+                record = ledger.add(source, outcome, skeleton)
+                bar.update(task, advance=1, note=record["file"])
+                typer.echo(json_module.dumps(record, allow_nan=False) if json else line(record))
+                if record["status"] == "failed":
+                    failures.append(record)
+        tell_summary(len(sources), len(left), failures)
+
+
+def furniture_files(folder: Path, output: Path) -> list[Path]:
+    """Every file under the folder that can be furniture, but for what a batch wrote. UsageError when there is none."""
+    if not folder.is_dir():
+        raise UsageError(f"there is no folder {folder}", remedy="Give a folder of furniture files.")
+    found = sorted(path for path in folder.rglob("*") if path.suffix.lower().removeprefix(".") in FORMATS)
+    files = [path for path in found if path.is_file() and output not in path.parents]
+    if not files:
+        raise UsageError(f"no furniture file in {folder}", remedy=f"What is read: {', '.join(FORMATS)}.")
+    return files
+
+
+def _skeleton() -> Skeleton:
+    """The figure of the reference poses. UsageError when the services are not installed."""
+    try:
+        from character.body import body_capsules
+        from character.skeleton import humanoid_skeleton
+        from serving.skeletons import skeleton_message
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            f"`roam batch` computes in this process, and {error.name} is not installed",
+            remedy="Install the services: scripts/install in a checkout.",
+        ) from error
+    figure = humanoid_skeleton()
+    return Skeleton.from_message(skeleton_message(figure, body_capsules(figure)).skeleton)
+
+
+def line(record: dict[str, Any]) -> str:
+    """One object for people."""
+    if record["status"] == "failed":
+        return f"failed  {record['file']}  {record['reason']}: {record['message']}"
+    hips, depth = (centimetres(record[name]) for name in ("hip_seat_distance", "penetration_depth"))
+    return f"done    {record['file']}  hips to seat {hips}, penetration {depth}, {record['seconds']:.1f} s"
+
+
+def tell_summary(count: int, tried: int, failures: list[dict[str, Any]]) -> None:
+    """How it went, on stderr, with every failure again: they scrolled by hours ago."""
+    stderr.print(f"{tried - len(failures)} done, {count - tried} done before, {len(failures)} failed", markup=False)
+    for record in failures:
+        stderr.print(f"  {record['file']}: {record['reason']}", markup=False)

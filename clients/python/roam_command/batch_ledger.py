@@ -1,0 +1,99 @@
+"""What a batch has done: poses in a folder, and a line of JSON for every object."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from roam.v1 import goal_pose_pb2
+from roam_client import GoalPose, Object, RoamError
+from roam_client.skeleton import Skeleton
+
+from roam_command.batch_work import Order, Outcome
+from roam_command.exports import write_pose
+from roam_command.pose import goal_pose_figures
+
+LEDGER = "batch.jsonl"
+
+
+class Ending(StrEnum):
+    """Kind of file for a pose."""
+
+    NPZ = "npz"
+    JSON = "json"
+    GLB = "glb"
+
+
+class Ledger:
+    """What was done, in OUT/batch.jsonl: the newest line of a file counts."""
+
+    def __init__(self, output: Path, folder: Path, order: Order, ending: Ending) -> None:
+        output.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+        self._output = output
+        self._ending = ending
+        self._order = asdict(order)
+        self._path = output / LEDGER
+        self._records: dict[str, dict[str, Any]] = {}
+        text = self._path.read_text() if self._path.exists() else ""
+        for line in text.splitlines():
+            self._read(line)
+        if text and not text.endswith("\n"):  # a killed run left half a line
+            self._append("\n")
+
+    def _read(self, text: str) -> None:
+        try:
+            record = json.loads(text)
+            self._records[record["file"]] = record
+        except (ValueError, KeyError, TypeError):  # half a line
+            return
+
+    def target(self, source: Path) -> Path:
+        """Where the pose of a file goes: beside its like, the ending added so that no two files share it."""
+        return self._output / f"{self._name(source)}.{self._ending}"
+
+    def has(self, source: Path) -> bool:
+        """Whether the same content was done with the same options, and the pose is still there."""
+        record = self._records.get(self._name(source), {})
+        return (
+            record.get("status") == "done"
+            and record.get("order") == self._order
+            and record.get("content") == _digest(source)
+            and self.target(source).exists()
+        )
+
+    def add(self, source: Path, outcome: Outcome, skeleton: Skeleton) -> dict[str, Any]:
+        """Saves what came of one object and appends its line at once: whatever happens next, it is not forgotten."""
+        figures = self._saved(source, outcome, skeleton)
+        record = {"file": self._name(source), "content": _digest(source), "order": self._order, **figures}
+        self._records[record["file"]] = record
+        self._append(json.dumps(record, allow_nan=False) + "\n")
+        return record
+
+    def _append(self, text: str) -> None:
+        with self._path.open("a") as file:
+            file.write(text)
+
+    def _saved(self, source: Path, outcome: Outcome, skeleton: Skeleton) -> dict[str, Any]:
+        if not outcome.done:
+            return {"status": "failed", "reason": outcome.reason, "message": outcome.message}
+        place = Object.from_message(goal_pose_pb2.Object.FromString(outcome.object))
+        message = goal_pose_pb2.GoalPose.FromString(outcome.goal_pose)
+        goal = GoalPose.from_message(message, skeleton=skeleton, object_to_world=place.object_to_world)
+        target = self.target(source)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_pose(target, goal, source=source, object=place)
+        except (OSError, ValueError, RoamError) as error:
+            return {"status": "failed", "reason": "NOT_SAVED", "message": str(error)}
+        return {"status": "done", "output": str(target), "seconds": outcome.seconds, **goal_pose_figures(goal)}
+
+    def _name(self, source: Path) -> str:
+        return source.relative_to(self._folder).as_posix()
+
+
+def _digest(source: Path) -> str:
+    with source.open("rb") as file:
+        return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()

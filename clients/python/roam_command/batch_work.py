@@ -1,0 +1,79 @@
+"""One object of a batch, in whatever process an engine runs it: bytes in, a goal pose or a reason out."""
+
+from dataclasses import dataclass
+from functools import cache
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from goalpose.objects.isolation import IsolatedLoader
+    from goalpose.synthesis import Synthesizer
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is wanted of every object."""
+
+    reference: str | None
+    action: str
+    seed: int
+    unit: str | None
+    up: str | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one object; either the two messages or a reason."""
+
+    object: bytes = b""  # goal_pose_pb2.Object
+    goal_pose: bytes = b""  # goal_pose_pb2.GoalPose
+    reason: str = ""
+    message: str = ""
+    seconds: float = 0.0
+
+    @property
+    def done(self) -> bool:
+        """Whether there is a goal pose."""
+        return bool(self.goal_pose)
+
+
+def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
+    """Reads the file in a child process with limits, and fits the pose. Never raises for a bad object or request."""
+    from goalpose.messages import goal_pose_message, object_message
+    from goalpose.objects import ObjectError
+    from goalpose.synthesis import GoalPoseRequest, RequestError
+
+    started = perf_counter()
+    request = GoalPoseRequest(reference=order.reference, action=order.action, seed=order.seed)
+    try:
+        shape = _loader().load(data, format, unit=order.unit, up=order.up)
+        result = _synthesizer().synthesize(shape, request)
+    except ObjectError as error:
+        return Outcome(reason=error.reason, message=f"{error.message} {error.remedy}")
+    except RequestError as error:
+        return Outcome(reason="INVALID_ARGUMENT", message=str(error))
+    except Exception as error:  # one object must not end a night's work
+        return Outcome(reason="INTERNAL", message=f"{type(error).__name__}: {error}")
+    return Outcome(
+        object=object_message(shape, format).SerializeToString(),
+        goal_pose=goal_pose_message(result).SerializeToString(),
+        seconds=perf_counter() - started,
+    )
+
+
+@cache
+def _synthesizer() -> "Synthesizer":
+    """The networks of this process."""
+    import torch
+    from goalpose.synthesis import Synthesizer
+
+    torch.set_num_threads(1)  # the engine runs as many of these as there are cores
+    return Synthesizer.load()
+
+
+@cache
+def _loader() -> "IsolatedLoader":
+    """The reader of this process."""
+    from goalpose.objects.isolation import IsolatedLoader
+
+    return IsolatedLoader()

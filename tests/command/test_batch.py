@@ -1,0 +1,174 @@
+"""`roam batch`: resumable, one line per object, failures listed and never fatal, on both engines."""
+
+import hashlib
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from roam_command import batch as command
+from roam_command import batch_engines
+from roam_command.batch_engines import local
+from roam_command.batch_work import Order, Outcome
+from roam_command.main import app
+from typer.testing import CliRunner
+
+ROOT = Path(__file__).parents[2]
+ORDER = Order(reference=None, action="sit", seed=0, unit=None, up=None)
+
+
+def work(data: bytes, format: str, order: Order) -> Outcome:
+    """Stands in for a synthesis: the file's content says what happens. Runs in the engine's processes."""
+    if data == b"kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if data == b"bad":
+        return Outcome(reason="OBJECT_MALFORMED", message="It is bad.")
+    return Outcome(goal_pose=data + order.action.encode(), seconds=1.0)
+
+
+def files(folder: Path, contents: dict[str, bytes]) -> list[Path]:
+    for name, content in contents.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return [folder / name for name in contents]
+
+
+def test_a_dying_process_fails_one_object_only(tmp_path: Path):
+    sources = files(tmp_path, {f"{n}.obj": b"kill" if n == 2 else b"good" for n in range(6)} | {"x.ply": b"bad"})
+    outcomes = {source.name: outcome for source, outcome in local(sources, ORDER, jobs=2, work=work)}
+    assert set(outcomes) == {source.name for source in sources}
+    assert outcomes.pop("2.obj").reason == "INTERNAL"
+    assert outcomes.pop("x.ply").reason == "OBJECT_MALFORMED"
+    assert {outcome.goal_pose for outcome in outcomes.values()} == {b"goodsit"}
+
+
+@pytest.fixture
+def shelf(tmp_path: Path) -> Path:
+    """A folder with one real chair between things that are none."""
+    folder = tmp_path / "shelf"
+    chair = (ROOT / "examples/objects/chair.glb").read_bytes()
+    flat = trimesh.creation.box((0.5, 0.0001, 0.5)).export(file_type="stl")
+    files(folder, {"chairs/chair.glb": chair, "chairs/broken.glb": chair[:-99], "flat.stl": flat, "notes.txt": b"x"})
+    return folder
+
+
+def roam_batch(*arguments: object) -> list[dict]:
+    result = CliRunner().invoke(app, ["batch", *map(str, arguments), "--json"])
+    assert result.exit_code == 0, result.output
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+@pytest.mark.skipif(not (ROOT / "weights/field.safetensors").exists(), reason="weights/field.safetensors is not there")
+def test_a_folder_from_end_to_end_and_again(shelf: Path, tmp_path: Path):
+    out = tmp_path / "poses"
+    first = {record["file"]: record for record in roam_batch(shelf, "-o", out, "--reference", "chair_sit", "--jobs", 1)}
+    assert {name: record["status"] for name, record in first.items()} == {
+        "chairs/broken.glb": "failed",
+        "chairs/chair.glb": "done",
+        "flat.stl": "failed",
+    }
+    assert first["chairs/broken.glb"]["reason"] == "OBJECT_MALFORMED"
+    assert first["chairs/chair.glb"]["hip_seat_distance"] < 0.08
+    with np.load(out / "chairs/chair.glb.npz", allow_pickle=False) as saved:
+        assert saved["rotations"].shape == (22, 4)
+    ledger = (out / "batch.jsonl").read_text().splitlines()
+    assert [json.loads(line)["file"] for line in ledger] == list(first)
+
+    with (out / "batch.jsonl").open("a") as file:
+        file.write('{"file": "chairs/cha')  # killed while writing
+    again = roam_batch(shelf, "-o", out, "--reference", "chair_sit", "--jobs", 1)
+    assert {record["file"] for record in again} == {"chairs/broken.glb", "flat.stl"}
+    assert len((out / "batch.jsonl").read_text().splitlines()) == 6
+
+
+def test_what_is_done_is_told_by_content_and_options(shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def run(left, order, *, jobs):
+        for source in left:
+            asked.append(source.name)
+            yield source, Outcome(reason="NOT_TODAY")
+
+    asked: list[str] = []
+    monkeypatch.setattr(batch_engines, "local", run)
+    out = tmp_path / "poses"
+    out.mkdir()
+    chair = shelf / "chairs/chair.glb"
+    (out / "chairs").mkdir()
+    (out / "chairs/chair.glb.npz").touch()
+    record = {"file": "chairs/chair.glb", "status": "done", "content": command_digest(chair), "order": vars(ORDER)}
+    (out / "batch.jsonl").write_text(json.dumps(record) + "\n")
+
+    def tried(*options: object) -> set[str]:
+        asked.clear()
+        roam_batch(shelf, "-o", out, *options)
+        return set(asked)
+
+    rest = {"broken.glb", "flat.stl"}
+    assert tried() == rest
+    assert tried("--seed", 1) == rest | {"chair.glb"}
+    (out / "batch.jsonl").write_text(json.dumps(record) + "\n")
+    chair.write_bytes(chair.read_bytes() + b"\0")
+    assert tried() == rest | {"chair.glb"}
+
+
+def command_digest(path: Path) -> str:
+    return "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_poses_inside_the_folder_are_no_furniture(shelf: Path):
+    files(shelf, {"poses/chair.glb.glb": b"x"})
+    found = command.furniture_files(shelf, shelf / "poses")
+    assert [path.name for path in found] == ["broken.glb", "chair.glb", "flat.stl"]
+
+
+@pytest.mark.parametrize("folder", ["nowhere", "."])
+def test_a_folder_without_furniture_is_a_usage_error(tmp_path: Path, folder: str):
+    result = CliRunner().invoke(app, ["batch", str(tmp_path / folder), "-o", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "error:" in result.stderr
+
+
+@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="needs Ray: pip install roam-services[ray]")
+def test_ray_gives_what_the_local_engine_gives(shelf: Path, tmp_path: Path):
+    """In a process of its own: Ray leaves threads and sockets behind, and warnings are errors here."""
+    program = f"""
+import sys
+from pathlib import Path
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from roam_command.batch_engines import local, ray_cluster
+from test_batch import ORDER
+if __name__ == "__main__":
+    sources = [Path({str(shelf)!r}) / name for name in ("chairs/broken.glb", "flat.stl")]
+    engine = dict(local=local, ray=ray_cluster)[sys.argv[1]]
+    for source, outcome in sorted(engine(sources, ORDER, jobs=1)):
+        print(source.name, outcome.reason, outcome.message)
+"""
+    script = tmp_path / "engine.py"
+    script.write_text(program)
+    said = []
+    for engine in ("local", "ray"):
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        done = subprocess.run(
+            [sys.executable, str(script), engine],
+            capture_output=True,
+            text=True,
+            timeout=240,
+            env=environment,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        said.append(done.stdout)
+    assert "broken.glb OBJECT_MALFORMED" in said[0]
+    assert said[0] == said[1]
+
+
+def test_without_ray_the_command_says_what_to_install(shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    result = CliRunner().invoke(app, ["batch", str(shelf), "-o", str(tmp_path / "out"), "--engine", "ray"])
+    assert result.exit_code == 2
+    assert "roam-services[ray]" in " ".join(result.stderr.split())
