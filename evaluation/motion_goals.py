@@ -9,6 +9,7 @@ import argparse
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ import torch
 from character.pose import Pose
 from character.skeleton import humanoid_skeleton
 from goalpose.objects import ObjectError, Shape, format_of, load_shape
+from goalpose.objects.footprint import footprint
 from goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
+from motion.intent import Goal
 
 from evaluation.goalpose_objects import EvaluationObject, find_objects
 
@@ -31,6 +34,12 @@ class SeatGoal:
     pose: Pose
     approach: np.ndarray | None  # [2] towards the open side, for lying
     shape: Shape
+
+    @cached_property
+    def intent(self) -> Goal:
+        """What a character is told: the pose, and the object's outlines as obstacles."""
+        outlines = tuple(tuple(map(tuple, corners.tolist())) for corners in footprint(self.shape.points))
+        return Goal(self.pose, self.action, self.approach, outlines)
 
 
 def make_goals(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from character.body import body_capsules
 from motion.figure import CONTACT_JOINTS, Figure
-from motion.step import Animator, CharacterState, FrameData, Goal, Idle
+from motion.step import Animator, CharacterState, FrameData, Idle
 
 from evaluation.motion_goals import SeatGoal
 
@@ -74,7 +74,7 @@ def draw_starts(goals: list[SeatGoal], *, spread: float, seed: int) -> list[Star
 def run(animator: Animator, goals: list[SeatGoal], starts: list[Start], *, frames: int = APPROACH) -> list[Take]:
     """All approaches in one batch: `frames` towards the goal, then `LEAVE` with the command to stand."""
     states: list[CharacterState] = [animator.start((s.x, s.z), s.heading, s.seed) for s in starts]
-    wishes = [Goal(g.pose, g.action, g.approach) for g in goals]
+    wishes = [g.intent for g in goals]
     shown: list[list[FrameData]] = []
     leave = max(LEAVE[goal.action] for goal in goals)
     for t in range(frames + leave):

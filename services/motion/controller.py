@@ -1,9 +1,7 @@
 """From intents to the network's goals: walk up, turn, sit or lie, hold, stand up, go on.
 
 Three modes. FREE follows a planned path. INTERACT gives the goal pose to the network and lets bidirectional blending
-bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. The paper sets the
-walking goal 0.3 m in front of the goal feet; in the captured sits people stand *over* their later feet when they begin
-(median 0.00 m), so the standing place is 5 cm in front of them.
+bring the body to it. RISE asks for a standing place in front of the seat until the figure is up.
 """
 
 import math
@@ -11,17 +9,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
-from character.pose import Pose
 
 from motion.features import Goals
 from motion.figure import Figure
 from motion.intent import Goal, Idle, Intent, Steer
 from motion.planner import Plan, Steering, Target, follow, plan_keys, wrap
+from motion.seat import Seat, outlines_of, seat_of
 from motion.state import ACTIONS, FRAME_RATE, KEYS
+from motion.ways import way
 
 FREE, INTERACT, RISE = 0, 1, 2
-_STAND_AHEAD = 0.05  # [m] standing place in front of the goal's ankles
-_LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
 _ARRIVED = 0.14, math.radians(28)  # distance and heading from which the interaction may begin
 _CLOSE = 0.35, math.radians(60)  # good enough when no progress is made
 _PATIENCE = 45  # frames
@@ -30,21 +27,6 @@ _UPRIGHT = 0.86  # [m] hips higher than this: standing
 _LATE = 75, 240  # frames after which sitting down, lying down should be over; then the goal pose draws ever more
 _URGENT = 60  # frames until it alone decides
 _RISE_LIMIT = 12 * FRAME_RATE  # frames after which rising is given up for standing
-
-
-@dataclass(frozen=True)
-class Seat:
-    """A goal pose as the controller needs it."""
-
-    positions: np.ndarray  # [J, 3]
-    orientations: np.ndarray  # [J, 3, 3]
-    root: np.ndarray  # [4] x, z, direction
-    stand: np.ndarray  # [4] where to stand before and after: x, z, direction
-    lying: bool
-
-    def same_as(self, other: "Seat") -> bool:
-        """Whether the pose is the same to a tenth of a millimetre."""
-        return self.lying == other.lying and bool(np.abs(self.positions - other.positions).max() < 1e-4)
 
 
 @dataclass(frozen=True)
@@ -81,42 +63,6 @@ class Command:
     urgency: float = 0.0
 
 
-def seat_of(figure: Figure, goal: Goal, body: Body) -> Seat:
-    """The seat of a goal for a character at `body`: where to stand depends on the lying pose's open side."""
-    positions, orientations = goal_arrays(figure, goal.pose)
-    frame = figure.frame(torch.from_numpy(positions)[None])
-    x, z = map(float, frame.origin[0])
-    dx, dz = map(float, frame.direction[0])
-    lying = goal.action == "lie"
-    if lying:
-        side = _open_side(goal, body, (x, z), (dx, dz))
-        stand = (x + _LIE_ASIDE * side[0], z + _LIE_ASIDE * side[1], *side)
-    else:
-        ankles = positions[figure.contacts.numpy()[[0, 2]]][:, [0, 2]].mean(0)
-        stand = (ankles[0] + _STAND_AHEAD * dx, ankles[1] + _STAND_AHEAD * dz, dx, dz)
-    root = np.array([x, z, dx, dz], np.float32)
-    return Seat(positions, orientations, root, np.array(stand, np.float32), lying)
-
-
-def goal_arrays(figure: Figure, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Joint positions [J, 3] and world orientations [J, 3, 3] of a pose."""
-    from character.rotation import quat_to_matrix
-
-    local = quat_to_matrix(torch.tensor(np.asarray(pose.rotations, np.float32)))
-    orientations = figure.world(local)
-    hips = torch.tensor(np.asarray(pose.root_position, np.float32))
-    return figure.positions(hips, orientations).numpy(), orientations.numpy()
-
-
-def _open_side(goal: Goal, body: Body, root: tuple[float, float], facing: tuple[float, float]) -> tuple[float, float]:
-    """Unit direction from the lying hips to where one can stand: square to the body, on the asked or the nearer
-    side."""
-    left = (facing[1], -facing[0])
-    towards = (body.x - root[0], body.z - root[1]) if goal.approach is None else goal.approach
-    sign = 1.0 if left[0] * towards[0] + left[1] * towards[1] >= 0 else -1.0
-    return sign * left[0], sign * left[1]
-
-
 def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple[Control, Command]:
     """The controller's next memory and the network's goals."""
     state = replace(state, since=state.since + 1)
@@ -132,7 +78,7 @@ def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple
         return state, replace(command, urgency=min(max(late / _URGENT, 0.0), 1.0))
     if state.mode == RISE and state.seat is not None:
         return state, _hold(state.seat.stand, ACTIONS.index("idle"), None)
-    aim = _aim(state, intent, body)
+    aim = _aim(figure, state, intent)
     x, z = _anchor(aim, body)
     plan = follow(state.plan, aim, x, z, body.yaw, 1 / FRAME_RATE)
     places, directions = plan_keys(plan, aim)
@@ -153,7 +99,7 @@ def _anchor(aim: Target | Steering, body: Body) -> tuple[float, float]:
 def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:
     if not isinstance(intent, Goal) or state.seat is None:
         return True
-    return not seat_of(figure, intent, body).same_as(state.seat)
+    return not seat_of(figure, intent, (body.x, body.z)).same_as(state.seat)
 
 
 def _stands(state: Control, body: Body) -> bool:
@@ -168,8 +114,8 @@ def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Con
     if not isinstance(intent, Goal):
         return replace(state, seat=None, waiting=0)
     seat = state.seat
-    if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, body).same_as(seat):
-        seat = seat_of(figure, intent, body)
+    if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
+        seat = seat_of(figure, intent, (body.x, body.z))
     stand = seat.stand
     apart = math.hypot(body.x - stand[0], body.z - stand[1])
     turned = abs(wrap(body.yaw - math.atan2(stand[2], stand[3])))
@@ -179,12 +125,11 @@ def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Con
     return replace(state, seat=seat, waiting=waiting)
 
 
-def _aim(state: Control, intent: Intent, body: Body) -> Target | Steering:
+def _aim(figure: Figure, state: Control, intent: Intent) -> Target | Steering:
     if isinstance(intent, Goal) and state.seat is not None:
         x, z, dx, dz = map(float, state.seat.stand)
-        yaw = math.atan2(dx, dz)
-        centre = state.seat.positions[:, [0, 2]].mean(0) if state.seat.lying else state.seat.root[:2]
-        return Target(x, z, yaw, (float(centre[0]), float(centre[1]), yaw))
+        outlines = outlines_of(figure, intent)
+        return Target(x, z, math.atan2(dx, dz), way((state.plan.x, state.plan.z), (x, z), (dx, dz), outlines))
     if isinstance(intent, Steer):
         velocity = np.asarray(intent.velocity, float)
         turn = None if intent.facing is None else math.atan2(*map(float, intent.facing))

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from character.pose import Pose
 
+from motion.ways import Outline
+
 
 @dataclass(frozen=True)
 class Idle:
@@ -25,12 +27,14 @@ class Goal:
     """High-level control: walk up to `pose`, take it, hold it.
 
     `action` is sit or lie. `approach` [2] (x, z) points from the lying pose's hips to the open side of the furniture;
-    None takes the side that the character is on.
+    None takes the side that the character is on. `obstacles` are outlines on the floor that the way goes round, the
+    furniture's own among them; without any, the room that the pose takes up is kept clear.
     """
 
     pose: Pose
     action: str = "sit"
     approach: np.ndarray | None = None
+    obstacles: tuple[Outline, ...] = ()
 
 
 Intent = Idle | Steer | Goal

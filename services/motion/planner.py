@@ -1,16 +1,17 @@
 """The planned root path of the next two seconds: the goals that the network follows in locomotion.
 
-A simulated root with smooth velocity and turning walks ahead of the character: straight at a target, round a disc where
-furniture stands, or at a wanted velocity. Plain Python numbers: two dozen small steps are quicker that way than as
-arrays.
+A simulated root with smooth velocity and turning walks ahead of the character: along a way to a target, or at a wanted
+velocity. Plain Python numbers: two dozen small steps are quicker that way than as arrays.
 """
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from motion.state import KEYS
+from motion.ways import Place
 
 _STEP = 1 / 12  # [s] of the simulation; a key is two steps
 _SPEED = 0.9  # [m/s] walking: at 1.0 a swinging foot passes 12 cm a frame
@@ -19,8 +20,7 @@ _AGILITY = 0.25, 0.15  # [s] time constants of velocity and turn rate
 _TURN = 2.2  # [rad/s] fastest turn
 _TURN_GAIN = 3.5  # [1/s]
 _NEAR = 0.55  # [m] from the target the figure turns to its final facing
-_AROUND = 0.95  # [m] radius of the way round the seat
-_FRONT = math.radians(55)  # approaches from within this cone walk straight in
+_AHEAD = 0.3  # [m] along its way that the figure looks: corners are cut by a hand's breadth
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,12 @@ class Plan:
 
 @dataclass(frozen=True)
 class Target:
-    """Where to stand: place, yaw; `around` is the seat's centre (x, z) and the yaw of its open side, not to be walked
-    through."""
+    """Where to stand: place, yaw; and the corners of the way there, both ends included (see ways.py)."""
 
     x: float
     z: float
     yaw: float
-    around: tuple[float, float, float] | None = None
+    way: tuple[Place, ...]
 
 
 @dataclass(frozen=True)
@@ -77,8 +76,7 @@ def _wanted(plan: Plan, aim: Target | Steering) -> tuple[float, float, float]:
         moving = math.hypot(aim.vx, aim.vz) > 0.05
         along = math.atan2(aim.vx, aim.vz) if moving else plan.yaw
         return aim.vx, aim.vz, along if aim.yaw is None else aim.yaw
-    left = math.hypot(aim.x - plan.x, aim.z - plan.z)
-    x, z = _waypoint(plan, aim)
+    x, z, left = _pursue(plan.x, plan.z, aim.way)
     heading = math.atan2(x - plan.x, z - plan.z)
     speed = min(_SPEED, math.sqrt(2 * _BRAKE * max(left - 0.02, 0.0)), 2.0 * left)
     if left < _NEAR:
@@ -88,16 +86,31 @@ def _wanted(plan: Plan, aim: Target | Steering) -> tuple[float, float, float]:
     return speed * math.sin(heading), speed * math.cos(heading), heading
 
 
-def _waypoint(plan: Plan, aim: Target) -> tuple[float, float]:
-    """Next point to walk to: the target, or a point on the circle round the seat towards its open side."""
-    if aim.around is None:
-        return aim.x, aim.z
-    cx, cz, open_yaw = aim.around
-    angle = wrap(math.atan2(plan.x - cx, plan.z - cz) - open_yaw)
-    if abs(angle) < _FRONT:
-        return aim.x, aim.z
-    on = open_yaw + math.copysign(max(abs(angle) - math.radians(45), 0.0), angle)
-    return cx + _AROUND * math.sin(on), cz + _AROUND * math.cos(on)
+def _pursue(x: float, z: float, way: tuple[Place, ...]) -> tuple[float, float, float]:
+    """The place a little ahead of (x, z) on a way, and how much of the way is left [m]."""
+    nearest, behind, travelled = math.inf, 0.0, 0.0  # how far off the way, where on it, and its length so far
+    for (ax, az), (bx, bz) in pairwise(way):
+        length = math.hypot(bx - ax, bz - az)
+        along = ((x - ax) * (bx - ax) + (z - az) * (bz - az)) / max(length, 1e-9)
+        along = min(max(along, 0.0), length)
+        share = along / max(length, 1e-9)
+        off = math.hypot(ax + share * (bx - ax) - x, az + share * (bz - az) - z)
+        if off < nearest:
+            nearest, behind = off, travelled + along
+        travelled += length
+    left = max(travelled - behind, math.hypot(way[-1][0] - x, way[-1][1] - z))
+    return *_place_at(way, behind + _AHEAD), left
+
+
+def _place_at(way: tuple[Place, ...], distance: float) -> Place:
+    """The place a distance [m] down a way, at most its end."""
+    for (ax, az), (bx, bz) in pairwise(way):
+        length = math.hypot(bx - ax, bz - az)
+        if distance < length:
+            share = distance / length
+            return ax + share * (bx - ax), az + share * (bz - az)
+        distance -= length
+    return way[-1]
 
 
 def plan_keys(plan: Plan, aim: Target | Steering) -> tuple[np.ndarray, np.ndarray]:

@@ -14,12 +14,13 @@ from safetensors import safe_open
 from torch import Tensor
 
 from motion.advance import advance
-from motion.controller import Body, Control, Seat, control, goals_of
+from motion.controller import Body, Control, control, goals_of
 from motion.features import Inputs
 from motion.figure import Figure, humanoid_figure
 from motion.intent import Goal, Idle, Intent, Steer
 from motion.network import MotionNetwork, NetworkConfig, Normaliser
 from motion.planner import Plan
+from motion.seat import Seat
 from motion.state import ACTIONS, FUTURE, PAST, Characters
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]

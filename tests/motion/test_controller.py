@@ -1,9 +1,10 @@
 import math
 
 import numpy as np
-from motion.controller import FREE, INTERACT, RISE, Body, Control, control, seat_of
+from motion.controller import FREE, INTERACT, RISE, Body, Control, control
 from motion.figure import humanoid_figure
 from motion.planner import Plan
+from motion.seat import seat_of
 from motion.step import Goal, Idle, Steer
 from standing import seated_pose
 
@@ -34,7 +35,7 @@ def test_an_approach_ends_in_front_of_the_seat_facing_away_from_it():
 def test_another_command_makes_a_seated_character_rise_first():
     goal = Goal(seated_pose())
     seated = Body(0.0, 0.0, 0.0, 0.56)
-    state = Control(Plan(0, 0), INTERACT, seat_of(FIGURE, goal, seated))
+    state = Control(Plan(0, 0), INTERACT, seat_of(FIGURE, goal, (0.0, 0.0)))
     held, command = control(FIGURE, state, goal, seated)
     assert (held.mode, command.active) == (INTERACT, True)
     for intent in (Idle(), Steer(np.array([0.0, 1.0])), Goal(seated_pose(ahead=2.0))):
@@ -47,9 +48,8 @@ def test_another_command_makes_a_seated_character_rise_first():
 
 def test_lying_is_approached_from_the_asked_side():
     pose = seated_pose()
-    body = Body(-3.0, 0.0, 0.0, 0.95)
-    near = seat_of(FIGURE, Goal(pose, "lie"), body)
-    asked = seat_of(FIGURE, Goal(pose, "lie", np.array([1.0, 0.0])), body)
+    near = seat_of(FIGURE, Goal(pose, "lie"), (-3.0, 0.0))
+    asked = seat_of(FIGURE, Goal(pose, "lie", np.array([1.0, 0.0])), (-3.0, 0.0))
     assert near.stand[0] < 0 < asked.stand[0]
     np.testing.assert_allclose(asked.stand[2:], [1.0, 0.0], atol=1e-5)
 

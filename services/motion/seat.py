@@ -1,0 +1,117 @@
+"""A goal pose as the controller needs it: where it is, where one stands before it, what the way there goes round.
+
+The paper sets the walking goal 0.3 m in front of the goal feet. In the captured sits people stand *over* their later
+feet when they begin (median 0.00 m), so the standing place is 5 cm in front of them, and farther where the furniture's
+edge would be in the calves.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import torch
+from character.pose import Pose
+from character.rotation import quat_to_matrix
+
+from motion.figure import Figure
+from motion.intent import Goal
+from motion.ways import Outline, Place, edge
+
+_STAND_AHEAD = 0.05  # [m] standing place in front of the goal's ankles
+_LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
+_CALVES = 0.16  # [m] standing place in front of the furniture's edge
+_STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most
+_SEAT_ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and up to here behind the ankles
+_LYING_ROOM = 0.15  # [m] kept clear around a lying pose
+
+
+@dataclass(frozen=True, eq=False)
+class Seat:
+    """A goal pose and the standing place that belongs to it."""
+
+    positions: np.ndarray  # [J, 3]
+    orientations: np.ndarray  # [J, 3, 3]
+    root: np.ndarray  # [4] x, z, direction
+    stand: np.ndarray  # [4] where to stand before and after: x, z, direction
+    lying: bool
+
+    def same_as(self, other: "Seat") -> bool:
+        """Whether the pose is the same to a tenth of a millimetre."""
+        return self is other or (
+            self.lying == other.lying and bool(np.abs(self.positions - other.positions).max() < 1e-4)
+        )
+
+
+def seat_of(figure: Figure, goal: Goal, place: Place) -> Seat:
+    """The seat of a goal for a character at `place`: where to stand depends on the lying pose's open side."""
+    if goal.action != "lie":
+        return _sitting(figure, goal)
+    x, z, dx, dz = _posture(figure, goal)[2]
+    towards = (place[0] - x, place[1] - z) if goal.approach is None else goal.approach
+    return _lying(figure, goal, 1.0 if dz * towards[0] - dx * towards[1] >= 0 else -1.0)
+
+
+@lru_cache(maxsize=512)
+def outlines_of(figure: Figure, goal: Goal) -> tuple[Outline, ...]:
+    """What the way to a goal goes round: its obstacles, or the room that its pose takes up."""
+    return goal.obstacles or (_room(figure, goal),)
+
+
+def goal_arrays(figure: Figure, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
+    """Joint positions [J, 3] and world orientations [J, 3, 3] of a pose."""
+    local = quat_to_matrix(torch.tensor(np.asarray(pose.rotations, np.float32)))
+    orientations = figure.world(local)
+    hips = torch.tensor(np.asarray(pose.root_position, np.float32))
+    return figure.positions(hips, orientations).numpy(), orientations.numpy()
+
+
+@lru_cache(maxsize=512)
+def _posture(figure: Figure, goal: Goal) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Joint positions [J, 3], orientations [J, 3, 3] and root [4] (x, z, direction) of a goal's pose."""
+    positions, orientations = goal_arrays(figure, goal.pose)
+    frame = figure.frame(torch.from_numpy(positions)[None])
+    return positions, orientations, torch.cat([frame.origin[0], frame.direction[0]]).numpy()
+
+
+@lru_cache(maxsize=512)
+def _sitting(figure: Figure, goal: Goal) -> Seat:
+    positions, orientations, root = _posture(figure, goal)
+    hips, facing = root[:2], root[2:]
+    feet = _ankles(figure, positions) + _STAND_AHEAD * facing
+    short = edge(_pair(hips), _pair(facing), goal.obstacles) + _CALVES - float((feet - hips) @ facing)
+    place = feet + min(max(short, 0.0), _STEP_BACK) * facing
+    return Seat(positions, orientations, root, np.concatenate([place, facing]).astype(np.float32), lying=False)
+
+
+@lru_cache(maxsize=512)
+def _lying(figure: Figure, goal: Goal, left: float) -> Seat:
+    """With the standing place square to the body, on its left (1) or right (-1)."""
+    positions, orientations, root = _posture(figure, goal)
+    side = left * np.array([root[3], -root[2]], np.float32)
+    ahead = max(_LIE_ASIDE, edge(_pair(root[:2]), _pair(side), goal.obstacles) + _CALVES)
+    stand = np.concatenate([root[:2] + ahead * side, side]).astype(np.float32)
+    return Seat(positions, orientations, root, stand, lying=True)
+
+
+def _room(figure: Figure, goal: Goal) -> Outline:
+    """The room that a pose takes up on the floor: a rectangle along its facing."""
+    positions, _, root = _posture(figure, goal)
+    axes = np.array([[root[3], -root[2]], root[2:]])  # to the left, ahead
+    flat = (positions[:, [0, 2]] - root[:2]) @ axes.T
+    if goal.action == "lie":
+        (left, back), (right, front) = flat.min(0) - _LYING_ROOM, flat.max(0) + _LYING_ROOM
+    else:
+        beside, back, behind = _SEAT_ROOM
+        feet = float((_ankles(figure, positions) - root[:2]) @ root[2:])
+        left, right, back, front = -beside, beside, -back, max(feet - behind, 0.1)
+    corners = [(left, back), (right, back), (right, front), (left, front)]
+    return tuple(_pair(root[:2] + np.array(corner) @ axes) for corner in corners)
+
+
+def _ankles(figure: Figure, positions: np.ndarray) -> np.ndarray:
+    """Middle of the ankles on the floor [2]."""
+    return np.asarray(positions[figure.contacts.numpy()[[0, 2]]][:, [0, 2]].mean(0))
+
+
+def _pair(point: np.ndarray) -> Place:
+    return float(point[0]), float(point[1])
