@@ -1,5 +1,6 @@
 """Between the protocol's messages and this service's own types."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import numpy as np
@@ -10,16 +11,20 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from roam.v1 import motion_pb2, skeleton_pb2
 from serving.errors import INVALID_ARGUMENT, ServiceError
 from serving.skeletons import SKELETON_NOT_FOUND
+from shapely.geometry import Polygon
 
 from motion.errors import GOAL_INVALID
 from motion.sessions import ControlChange, FrameRecord, Session
 from motion.state import FRAME_RATE
 from motion.step import Goal, Idle, Steer
 from motion.stream import StreamOptions, StreamStart
+from motion.ways import Outline
 
 CONTACTS = ("leftFoot", "leftToes", "rightFoot", "rightToes")
 ACTIONS = ("idle", "walk", "sit", "lie")  # Action's value - 1
 _FASTEST = 10.0  # [m/s]; anything above is a unit error
+_FARTHEST = 1e4  # [m] from the origin
+_MOST_OBSTACLES, _MOST_CORNERS = 64, 128  # of a goal, of an outline
 
 
 def timestamp(seconds: float) -> Timestamp:
@@ -148,7 +153,26 @@ def _goal(message: motion_pb2.Goal, session: Session) -> Goal:
     pose = pose_of(message.pose, session.skeleton, field="control.goal.pose")
     down = np.array([0, -session.floor_height, 0], np.float32)
     approach = _direction(message.approach, "control.goal.approach") if message.HasField("approach") else None
-    return Goal(pose.moved(down), ACTIONS[message.action - 1], approach)
+    return Goal(pose.moved(down), ACTIONS[message.action - 1], approach, _obstacles(message.obstacles))
+
+
+def _obstacles(messages: Sequence[skeleton_pb2.Outline]) -> tuple[Outline, ...]:
+    """Outlines of furniture, checked."""
+    field = "control.goal.obstacles"
+    if len(messages) > _MOST_OBSTACLES:
+        raise ServiceError(GOAL_INVALID, f"at most {_MOST_OBSTACLES} outlines, not {len(messages)}", field=field)
+    return tuple(_outline(message.corners, f"{field}[{number}]") for number, message in enumerate(messages))
+
+
+def _outline(corners: Sequence[float], field: str) -> Outline:
+    if len(corners) % 2 or not 6 <= len(corners) <= 2 * _MOST_CORNERS:
+        detail = f"an outline is x, z of 3 to {_MOST_CORNERS} corners; {len(corners)} numbers are given"
+        raise ServiceError(GOAL_INVALID, detail, field=field)
+    outline = tuple(zip(corners[::2], corners[1::2], strict=True))
+    if not np.isfinite(outline).all() or np.abs(outline).max() > _FARTHEST or not Polygon(outline).is_valid:
+        detail = "an outline's corners must be finite, in metres, and its sides must not cross"
+        raise ServiceError(GOAL_INVALID, detail, field=field)
+    return outline
 
 
 def _direction(yaw: float, field: str) -> np.ndarray:

@@ -83,6 +83,10 @@ class GoalJson(_Strict):
     action: Literal["sit", "lie"] = "sit"
     goal_pose: str = Field("", description="its name, repeated in events")
     approach: Number | None = Field(None, description="lying: heading from the hips to the open side [rad]")
+    obstacles: list[list[tuple[Number, Number]]] = Field(
+        [],
+        description="what to walk round, the goal's furniture included: corners x, z [m] of outlines",
+    )
 
 
 class PlaybackJson(_Strict):
@@ -108,7 +112,10 @@ class ControlJson(_Strict):
         if self.goal is not None:
             action = ACTIONS.index(self.goal.action) + 1
             goal = motion_pb2.Goal(
-                goal_pose=self.goal.goal_pose, pose=self.goal.pose.message(), approach=self.goal.approach
+                goal_pose=self.goal.goal_pose,
+                pose=self.goal.pose.message(),
+                approach=self.goal.approach,
+                obstacles=[skeleton_pb2.Outline(corners=sum(corners, ())) for corners in self.goal.obstacles],
             )
             goal.action = action  # type: ignore[assignment]  # an enum's number
             control.goal.CopyFrom(goal)

@@ -316,6 +316,7 @@ class Goal(_message.Message):
     POSE_FIELD_NUMBER: _builtins.int
     ACTION_FIELD_NUMBER: _builtins.int
     APPROACH_FIELD_NUMBER: _builtins.int
+    OBSTACLES_FIELD_NUMBER: _builtins.int
     goal_pose: _builtins.str
     """Name of the goal pose, if it has one; not looked up, only repeated in events."""
     action: _skeleton_pb2.Action.ValueType
@@ -326,6 +327,12 @@ class Goal(_message.Message):
     def pose(self) -> _skeleton_pb2.Pose:
         """The goal pose, in world space."""
 
+    @_builtins.property
+    def obstacles(self) -> _containers.RepeatedCompositeFieldContainer[_skeleton_pb2.Outline]:
+        """What to walk round: the furniture of the goal itself (GoalPose.footprint), and whatever else stands in the room.
+        Empty: only the room that the pose takes up is kept clear.
+        """
+
     def __init__(
         self,
         *,
@@ -333,10 +340,11 @@ class Goal(_message.Message):
         pose: _skeleton_pb2.Pose | None = ...,
         action: _skeleton_pb2.Action.ValueType = ...,
         approach: _builtins.float | None = ...,
+        obstacles: _abc.Iterable[_skeleton_pb2.Outline] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "approach", b"approach", "pose", b"pose"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "action", b"action", "approach", b"approach", "goal_pose", b"goal_pose", "pose", b"pose"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "action", b"action", "approach", b"approach", "goal_pose", b"goal_pose", "obstacles", b"obstacles", "pose", b"pose"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__approach: _TypeAlias = _typing.Literal["approach"]  # noqa: Y015
     _WhichOneofArgType__approach: _TypeAlias = _typing.Literal["_approach", b"_approach"]  # noqa: Y015

@@ -209,6 +209,30 @@ class Pose(_message.Message):
 Global___Pose: _TypeAlias = Pose  # noqa: Y015
 
 @_typing.final
+class Outline(_message.Message):
+    """An area of the floor that furniture covers: a simple polygon."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    CORNERS_FIELD_NUMBER: _builtins.int
+    @_builtins.property
+    def corners(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
+        """Corners in order [m], world x z x z …; at least three of them."""
+
+    def __init__(
+        self,
+        *,
+        corners: _abc.Iterable[_builtins.float] | None = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["corners", b"corners"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___Outline: _TypeAlias = Outline  # noqa: Y015
+
+@_typing.final
 class GetSkeletonRequest(_message.Message):
     """Request of GetSkeleton."""
 
