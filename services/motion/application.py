@@ -1,6 +1,7 @@
 """The motion service's application object: what HTTP, gRPC and WebSocket all translate to."""
 
 import asyncio
+import re
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from time import time
@@ -30,6 +31,7 @@ from motion.ticker import Ticker
 
 _LONGEST_REQUEST_ID = 64
 _PAGE = 100
+_GATEWAY_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _ALONE = 86400.0  # [s] lease where there is no other replica to take a session over
 
 
@@ -105,8 +107,11 @@ class MotionApplication:
         self._draining = True
         await asyncio.gather(*(self.ownership.release(session) for session in self.sessions))
 
-    async def create_session(self, request: motion_pb2.CreateSessionRequest) -> Session:
-        """A new session, or the same one for a request_id seen before."""
+    async def create_session(self, request: motion_pb2.CreateSessionRequest, offered_id: str = "") -> Session:
+        """A new session, or the same one for a request_id seen before.
+
+        `offered_id`: what the request's x-roam-session says; taken where a gateway in front sets it, to route by it.
+        """
         self._check_open()
         if len(request.request_id) > _LONGEST_REQUEST_ID:
             detail = f"at most {_LONGEST_REQUEST_ID} characters"
@@ -116,7 +121,7 @@ class MotionApplication:
             raise ServiceError(SKELETON_NOT_FOUND, detail, field="skeleton_id")
         position, yaw = self._placement(request)
         record = SessionRecord(
-            name=f"sessions/{uuid4().hex}",
+            name=f"sessions/{self._new_id(offered_id)}",
             resume_token=uuid4().hex,
             request_id=request.request_id,
             skeleton_id=self._skeleton.id,
@@ -173,6 +178,8 @@ class MotionApplication:
         session = await self.ownership.hold(
             opening.session, after_sequence=opening.after_sequence, insist=bool(opening.resume_token)
         )
+        if session.lacks(opening.after_sequence):
+            session = await self.ownership.rewind(session, opening.after_sequence)
         if opening.resume_token == session.record.resume_token:
             session.catch_up(opening.after_sequence, most=self.settings.history_frames)
         options = stream_options(opening, burst_frames=self.settings.burst_frames, ack_window=self.settings.ack_window)
@@ -212,6 +219,10 @@ class MotionApplication:
             build=self._build,
             make=lambda snapshot: self._session(claim.record, self._restore(snapshot.state)),
         )
+
+    def _new_id(self, offered: str) -> str:
+        trusted = self.settings.session_header and _GATEWAY_ID.fullmatch(offered)
+        return offered if trusted else uuid4().hex
 
     def _check_open(self) -> None:
         if self._draining:

@@ -24,9 +24,12 @@ def motion_router(application: Callable[[], MotionApplication]) -> APIRouter:
     router = APIRouter(prefix="/v1/sessions", tags=["motion"])
 
     @router.post("", status_code=201, summary="Create a session: one character")
-    async def create_session(body: CreateSessionJson | None = None) -> SessionJson:
+    async def create_session(
+        body: CreateSessionJson | None = None,
+        x_roam_session: Annotated[str, Header(include_in_schema=False)] = "",  # set by gateways
+    ) -> SessionJson:
         request = (body or CreateSessionJson()).message()
-        return SessionJson.of(await application().create_session(request))
+        return SessionJson.of(await application().create_session(request, x_roam_session))
 
     @router.get("", summary="List sessions")
     async def list_sessions(

@@ -28,7 +28,8 @@ class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
         self, request: motion_pb2.CreateSessionRequest, context: Any
     ) -> motion_pb2.CreateSessionResponse:
         """Creates a session."""
-        session = await self._application().create_session(request)
+        metadata = dict(context.invocation_metadata() or ())
+        session = await self._application().create_session(request, metadata.get("x-roam-session", ""))
         return motion_pb2.CreateSessionResponse(session=session_message(session))
 
     async def GetSession(self, request: motion_pb2.GetSessionRequest, context: Any) -> motion_pb2.GetSessionResponse:

@@ -20,6 +20,7 @@ class MotionSettings(ServerSettings):
         pattern=r"^(memory|(redis|rediss|unix)://.+)$",
         description="memory, or redis://… where several replicas share sessions",
     )
+    session_header: bool = Field(False, description="take a new session's id from x-roam-session, set by a gateway")
     session_lease: float = Field(0.5, gt=0, description="a replica that is silent for so long loses its sessions [s]")
     snapshot_frames: int = Field(15, ge=1, description="frames between two snapshots of a session")
     history_frames: int = Field(240, ge=1, description="how far back a session can be resumed elsewhere [frames]")

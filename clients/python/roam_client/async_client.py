@@ -23,7 +23,7 @@ from roam_client.async_session import AsyncSession
 from roam_client.errors import InternalServerError, server_errors
 from roam_client.goal_poses import GoalPose, Progress, ReferencePose, synthesize_request
 from roam_client.objects import Object, format_of, upload_requests
-from roam_client.security import Security
+from roam_client.security import MetadataChannel, Security
 from roam_client.server_info import ServerInfo
 from roam_client.sessions import Placement, session_request
 from roam_client.skeleton import Skeleton, capsules_from_messages
@@ -60,7 +60,7 @@ class AsyncClient:
         self._motion = motion
         self._security = Security(api_key, ca, cert, credentials)
         self._timeout = timeout  # [s] for everything but the optimisation and streams
-        self._channels: dict[str, grpc.aio.Channel] = {}
+        self._channels: dict[str, MetadataChannel] = {}
         self._skeletons: dict[str, Skeleton] = {}
 
     async def __aenter__(self) -> Self:
@@ -177,7 +177,7 @@ class AsyncClient:
         request_id: str | None = None,
     ) -> AsyncSession:
         """A character standing at `start` (default: the origin, facing +Z). A `request_id` makes a retry safe."""
-        target = required(self._motion, "motion")
+        target, stub = self._motion_stub()
         request = session_request(
             start,
             seed=seed,
@@ -186,15 +186,14 @@ class AsyncClient:
             skeleton_id=skeleton_id,
             request_id=request_id,
         )
-        stub = motion_pb2_grpc.MotionServiceStub(self._channel(target))
         with server_errors(target):
             message = (await stub.CreateSession(request, timeout=self._timeout)).session
+        _, stub = self._motion_stub(message.name)
         return AsyncSession(stub, message, target=target, timeout=self._timeout)
 
     async def session(self, name: str) -> AsyncSession:
         """A session that exists already."""
-        target = required(self._motion, "motion")
-        stub = motion_pb2_grpc.MotionServiceStub(self._channel(target))
+        target, stub = self._motion_stub(name)
         with server_errors(target):
             message = (await stub.GetSession(motion_pb2.GetSessionRequest(name=name), timeout=self._timeout)).session
         return AsyncSession(stub, message, target=target, timeout=self._timeout)
@@ -214,7 +213,14 @@ class AsyncClient:
         target = required(self._goalpose, "goalpose")
         return target, goal_pose_pb2_grpc.GoalPoseServiceStub(self._channel(target))
 
-    def _channel(self, target: str) -> grpc.aio.Channel:
+    def _motion_stub(self, session: str = "") -> tuple[str, motion_pb2_grpc.MotionServiceStub]:
+        target = required(self._motion, "motion")
+        channel = self._channel(target)
+        if session:  # for gateways, which cannot look into messages: all requests of a session go to one replica
+            channel = channel.with_metadata("x-roam-session", session.removeprefix("sessions/"))
+        return target, motion_pb2_grpc.MotionServiceStub(channel)
+
+    def _channel(self, target: str) -> MetadataChannel:
         if target not in self._channels:
             self._channels[target] = self._security.channel(grpc.aio, target, CHANNEL_OPTIONS)
         return self._channels[target]

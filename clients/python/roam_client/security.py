@@ -29,14 +29,15 @@ class Security:
     cert: tuple[str | Path, str | Path] | None = None
     credentials: grpc.ChannelCredentials | None = None
 
-    def channel(self, module: OpensChannels, target: str, options: Any) -> Any:
+    def channel(self, module: OpensChannels, target: str, options: Any) -> "MetadataChannel":
         """A channel to `target` (host:port), of `grpc` or `grpc.aio`. OSError when a file cannot be read."""
         credentials = self.credentials or self._tls()
         if credentials is None:
             channel = module.insecure_channel(target, options=options)
         else:
             channel = module.secure_channel(target, credentials, options=options)
-        return channel if self.api_key is None else KeyedChannel(channel, self.api_key)
+        metadata = () if self.api_key is None else (("authorization", f"Bearer {self.api_key}"),)
+        return MetadataChannel(channel, metadata)
 
     def _tls(self) -> grpc.ChannelCredentials | None:
         if self.ca is None and self.cert is None:
@@ -46,35 +47,37 @@ class Security:
         return grpc.ssl_channel_credentials(root_certificates=roots, private_key=key, certificate_chain=chain)
 
 
-class KeyedChannel:
-    """A channel that sends an API key with every call.
+class MetadataChannel:
+    """A channel that sends some metadata with every call.
 
-    gRPC's call credentials would do the same but refuse to work without TLS, as behind a proxy on the same machine.
+    gRPC's call credentials would do the same for a key but refuse to work without TLS, as behind a proxy on the same
+    machine.
     """
 
-    def __init__(self, channel: Any, api_key: str) -> None:
+    def __init__(self, channel: Any, metadata: tuple[tuple[str, str], ...]) -> None:
         self._channel = channel
-        self._metadata = (("authorization", f"Bearer {api_key}"),)
+        self._metadata = metadata
+
+    def with_metadata(self, key: str, value: str) -> "MetadataChannel":
+        """The same connection, with one more pair."""
+        return MetadataChannel(self._channel, (*self._metadata, (key, value)))
 
     def unary_unary(self, *args: Any, **keywords: Any) -> Any:
-        """As the channel's, with the key."""
-        return self._keyed(self._channel.unary_unary(*args, **keywords))
+        """As the channel's, with the metadata."""
+        return partial(self._channel.unary_unary(*args, **keywords), metadata=self._metadata)
 
     def unary_stream(self, *args: Any, **keywords: Any) -> Any:
-        """As the channel's, with the key."""
-        return self._keyed(self._channel.unary_stream(*args, **keywords))
+        """As the channel's, with the metadata."""
+        return partial(self._channel.unary_stream(*args, **keywords), metadata=self._metadata)
 
     def stream_unary(self, *args: Any, **keywords: Any) -> Any:
-        """As the channel's, with the key."""
-        return self._keyed(self._channel.stream_unary(*args, **keywords))
+        """As the channel's, with the metadata."""
+        return partial(self._channel.stream_unary(*args, **keywords), metadata=self._metadata)
 
     def stream_stream(self, *args: Any, **keywords: Any) -> Any:
-        """As the channel's, with the key."""
-        return self._keyed(self._channel.stream_stream(*args, **keywords))
+        """As the channel's, with the metadata."""
+        return partial(self._channel.stream_stream(*args, **keywords), metadata=self._metadata)
 
     def close(self) -> Any:
         """Closes the channel; a coroutine where the channel's own is one."""
         return self._channel.close()
-
-    def _keyed(self, call: Any) -> Any:
-        return partial(call, metadata=self._metadata)
