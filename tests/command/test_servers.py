@@ -18,3 +18,9 @@ def test_two_addresses_come_in_either_order():
 def test_anything_else_is_refused(text: str):
     with pytest.raises(UsageError):
         parse_server(text)
+
+
+def test_a_web_address_is_told_from_a_grpc_one():
+    with pytest.raises(UsageError, match="web address") as raised:
+        parse_server("http://127.0.0.1:8080")
+    assert "grpc=" in str(raised.value.remedy)
