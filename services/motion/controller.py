@@ -38,6 +38,7 @@ class Control:
     seat: Seat | None = None
     since: int = 0  # frames in this mode
     waiting: int = 0  # frames close to the standing place without arriving
+    clock: float = 0.0  # [s] of the living idle; starts where the seed says
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,11 @@ class Command:
 
 def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple[Control, Command]:
     """The controller's next memory and the network's goals."""
-    state = replace(state, since=state.since + 1)
+    state = replace(state, since=state.since + 1, clock=state.clock + 1 / FRAME_RATE)
     if state.mode == INTERACT and _leaves(figure, state, intent, body):
         state = replace(state, mode=RISE, since=0)
     if state.mode == RISE and (_stands(state, body) or state.since > _RISE_LIMIT):
-        state = Control(Plan(body.x, body.z, yaw=body.yaw))
+        state = Control(Plan(body.x, body.z, yaw=body.yaw), clock=state.clock)
     if state.mode == FREE:
         state = _approach(figure, state, intent, body)
     if state.mode == INTERACT and state.seat is not None:

@@ -18,6 +18,7 @@ from motion.controller import Body, Control, control, goals_of
 from motion.features import Inputs
 from motion.figure import Figure, humanoid_figure
 from motion.intent import Goal, Idle, Intent, Steer
+from motion.living import alive, stillness
 from motion.network import MotionNetwork, NetworkConfig, Normaliser
 from motion.planner import Plan
 from motion.seat import Seat
@@ -28,6 +29,7 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 # The network runs in chunks of this many rows, padded: matrix products of one shape give the same bits whatever the
 # other rows hold, so that a session's motion does not depend on its neighbours.
 _ROWS = 8
+_LONG = 3600.0  # [s] range in which the living idle begins
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
 
 
@@ -48,6 +50,7 @@ class CharacterState:
         numbers = [memory.mode, memory.since, memory.waiting, int(seat is not None and seat.lying)]
         arrays["control"] = np.array(numbers, np.int64)
         arrays["plan"] = np.array(list(asdict(memory.plan).values()), np.float64)
+        arrays["clock"] = np.array(memory.clock, np.float64)
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)  # type: ignore[arg-type]
         return buffer.getvalue()
@@ -64,8 +67,8 @@ class CharacterState:
             if "seat.root" in stored:
                 positions, orientations, root, stand = (stored[f"seat.{name}"] for name in _SEAT_FIELDS)
                 seat = Seat(positions, orientations, root, stand, lying=bool(lying))
-            plan = Plan(*map(float, stored["plan"]))
-        return CharacterState(body, Control(plan, mode, seat, since, waiting))
+            plan, clock = Plan(*map(float, stored["plan"])), float(stored["clock"])
+        return CharacterState(body, Control(plan, mode, seat, since, waiting, clock))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +119,7 @@ class Animator:
         hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
         batch = _standing(self.figure, hips, orientations, float(rng.random()))
         body = _rows(batch)[0]
-        return CharacterState(body, Control(Plan(x, z, yaw=yaw)))
+        return CharacterState(body, Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
     @torch.inference_mode()
     def step(
@@ -133,8 +136,12 @@ class Animator:
             controls.append(memory)
             commands.append(command)
         goals = goals_of(self.figure, commands)
-        after, positions, distance = advance(self.figure, self._predict, characters, goals)
-        rotations = quat_from_matrix(self.figure.local(after.orientations)).numpy()
+        after, _, _ = advance(self.figure, self._predict, characters, goals)
+        clock = torch.tensor([memory.clock for memory in controls])
+        orientations = alive(self.figure, after.orientations, stillness(after), clock)
+        positions = self.figure.positions(after.hips, orientations)
+        distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
+        rotations = quat_from_matrix(self.figure.local(orientations)).numpy()
         rows, places, apart = _rows(after), positions.numpy(), distance.tolist()
         styles = after.past[:, -1, 4:8].argmax(-1).tolist()
         contacts = (after.lock_weights >= 1).numpy()
