@@ -91,7 +91,7 @@ class MotionService:
             build=build_name(digest),
             on_health=partial(_tell_health, readiness),
         )
-        self._application.start()
+        await self._application.start()
 
     def router(self) -> APIRouter:
         """HTTP and WebSocket routes."""

@@ -3,7 +3,7 @@
 import asyncio
 import re
 from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from time import time
 from typing import Protocol
 from uuid import uuid4
@@ -24,7 +24,7 @@ from motion.sessions import FrameRecord, Session
 from motion.settings import MotionSettings
 from motion.state import FRAME_RATE
 from motion.step import CharacterState, FrameData, Intent
-from motion.store import Claim, SessionRecord, SessionStore
+from motion.store import Claim, SessionRecord, SessionStore, StoreDownError
 from motion.store_memory import MemoryStore
 from motion.stream import FrameStream, Item, StreamStart
 from motion.ticker import Ticker
@@ -87,8 +87,10 @@ class MotionApplication:
         self._draining = False
         self._tasks: list[asyncio.Task[None]] = []
 
-    def start(self) -> None:
-        """Starts renewing the lease, and ticking."""
+    async def start(self) -> None:
+        """Takes the lease, and starts renewing it and ticking."""
+        with suppress(StoreDownError):  # the first renewal in the background tells
+            await self.ownership.renew()
         self._tasks = [
             asyncio.create_task(self.ownership.run(), name="motion-ownership"),
             asyncio.create_task(self.ticker.run(), name="motion-ticker"),

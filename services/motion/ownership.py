@@ -6,7 +6,7 @@ the store: when another replica may claim a session, this one has stopped moving
 
 import asyncio
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from time import monotonic
 from uuid import uuid4
 from weakref import WeakValueDictionary
@@ -107,16 +107,29 @@ class Ownership:
         """
         if session := self._live.get(name):
             return session
-        lock = self._locks.setdefault(name, asyncio.Lock())
-        async with lock:
-            if session := self._live.get(name):
-                return session
-            claim = await self._claim(name, insist)
-            session = self._revive(claim, after_sequence)
-            self._live.add(session)
-            self._tokens[name] = claim.token
-            log.info("claimed", session=name, token=claim.token, sequence=session.sequence)
-            return session
+        async with self._lock(name):
+            return self._live.get(name) or await self._take(name, after_sequence, insist)
+
+    async def rewind(self, session: Session, after_sequence: int) -> Session:
+        """The same session from an older snapshot, for a reader who wants frames that were not computed here."""
+        async with self._lock(session.name):
+            if self._live.get(session.name) is session:
+                with _answering(), suppress(SupersededError):  # then claiming tells who has it
+                    await self._save(session, self._tokens[session.name])
+                self._let_go(session)
+                session.ended = True
+            return self._live.get(session.name) or await self._take(session.name, after_sequence, insist=False)
+
+    def _lock(self, name: str) -> asyncio.Lock:
+        return self._locks.setdefault(name, asyncio.Lock())
+
+    async def _take(self, name: str, after_sequence: int, insist: bool) -> Session:
+        claim = await self._claim(name, insist)
+        session = self._revive(claim, after_sequence)
+        self._live.add(session)
+        self._tokens[name] = claim.token
+        log.info("claimed", session=name, token=claim.token, sequence=session.sequence)
+        return session
 
     async def _claim(self, name: str, insist: bool) -> Claim:
         deadline = monotonic() + _CLAIM_LEASES * self._lease

@@ -216,6 +216,11 @@ class Session:
         self.replay_until = max([snapshot.sequence, *(entry.effective - 1 for entry, _ in later)])
         self._restored_controls = self.last_control_id
 
+    def lacks(self, after_sequence: int) -> bool:
+        """Whether frames after this one were computed elsewhere and could be computed again, disturbing nobody."""
+        restored = self._restored_controls is not None
+        return restored and not self.streams and 0 < after_sequence < self.first_kept - 1
+
     def catch_up(self, sequence: int, *, most: int) -> None:
         """Computes again up to a frame that a reader had from the replica before, at most `most` frames at once."""
         newest = max(self.sequence, self.replay_until)

@@ -59,7 +59,7 @@ async def test_sessions_that_are_due_share_one_batch(application, walker):
 
 async def test_the_running_ticker_feeds_many_readers(application, walker):
     sessions = [await create(application) for _ in range(6)]
-    application.start()
+    await application.start()
 
     async def read(session):
         async with application.stream(burst(session)) as stream:
@@ -72,7 +72,7 @@ async def test_the_running_ticker_feeds_many_readers(application, walker):
 
 async def test_realtime_ticks_by_itself(application):
     session = await create(application)
-    application.start()
+    await application.start()
     async with application.stream(motion_pb2.Open(session=session.name)) as stream:
         taken = await frames(stream, 3)
     assert taken[0].sequence == 1

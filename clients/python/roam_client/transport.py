@@ -11,6 +11,10 @@ from roam_client.errors import RoamError
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     ("grpc.max_receive_message_length", 64 << 20),
     ("grpc.enable_retries", 0),
+    # A stream that broke comes back as soon as a server is there; gRPC's own first pause is a second.
+    ("grpc.initial_reconnect_backoff_ms", 100),
+    ("grpc.min_reconnect_backoff_ms", 1000),
+    ("grpc.max_reconnect_backoff_ms", 2000),
 )
 
 # How gRPC's core words a connection that went away under a call, besides UNAVAILABLE: a reset, or a write that came too

@@ -1,0 +1,183 @@
+"""What every session store promises; in memory, in Redis' imitation, and in a real Redis where there is one."""
+
+import shutil
+import socket
+import subprocess
+import time
+
+import fakeredis
+import pytest
+from motion.store import (
+    ControlEntry,
+    HeldElsewhereError,
+    MissingError,
+    SessionRecord,
+    Snapshot,
+    StoreDownError,
+    SupersededError,
+)
+from motion.store_memory import MemoryStore
+from motion.store_redis import RedisStore
+
+RECORD = SessionRecord("sessions/1", "token", "request", "sha256:s", 1000.5, 60.0, 0.25)
+ONE, TWO = "replica-1", "replica-2"
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def redis_url(tmp_path_factory):
+    """A real Redis that keeps nothing."""
+    program = shutil.which("redis-server")
+    if program is None:
+        pytest.skip("needs redis-server: apt-get install redis-server")
+    port = free_port()
+    place = ["--port", str(port), "--bind", "127.0.0.1", "--dir", str(tmp_path_factory.mktemp("redis"))]
+    process = subprocess.Popen([program, *place, "--save", ""], stdout=subprocess.DEVNULL)
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+            break
+        except ConnectionRefusedError:
+            time.sleep(0.01)
+    yield f"redis://127.0.0.1:{port}"
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture(params=["memory", "imitation", "redis"])
+async def store(request):
+    if request.param == "memory":
+        store = MemoryStore()
+    elif request.param == "imitation":
+        store = RedisStore(fakeredis.FakeAsyncRedis())
+    else:
+        store = RedisStore.at(request.getfixturevalue("redis_url"))
+        await store._redis.flushall()
+    yield store
+    await store.close()
+
+
+def snapshot(sequence, **changes):
+    fields = {
+        "sequence": sequence,
+        "state": bytes(range(256)),
+        "control": b"\0\xff",
+        "paused": False,
+        "last_control_id": 3,
+        "answers": ((1, 1), (3, 9)),
+        "watch": (2, 0.125, False),
+        "reached": b"",
+        "build": "build",
+    }
+    return Snapshot(**fields | changes)
+
+
+async def test_what_is_stored_comes_back_as_it_was(store):
+    assert await store.create(RECORD, ONE, snapshot(0)) == RECORD.name
+    await store.log(RECORD.name, 1, ControlEntry(1, 5, b"\x80"))
+    await store.save(RECORD, ONE, 1, snapshot(15, paused=True, watch=(0, None, True)), keep_from=0)
+    claim = await store.claim(RECORD.name, TWO)
+    assert claim.record == RECORD
+    assert claim.token == 2
+    assert claim.snapshots == (snapshot(0), snapshot(15, paused=True, watch=(0, None, True)))
+    assert claim.controls == (ControlEntry(1, 5, b"\x80"),)
+
+
+async def test_only_what_leads_to_frames_worth_keeping_is_kept(store):
+    await store.create(RECORD, ONE, snapshot(0))
+    for control_id, effective in [(1, 5), (2, 20), (10, 21), (11, 40)]:
+        await store.log(RECORD.name, 1, ControlEntry(control_id, effective, b"x"))
+    for sequence in (15, 20, 30):
+        await store.save(RECORD, ONE, 1, snapshot(sequence), keep_from=20)
+    claim = await store.claim(RECORD.name, TWO)
+    assert [kept.sequence for kept in claim.snapshots] == [20, 30]
+    assert [entry.control_id for entry in claim.controls] == [10, 11]
+
+
+async def test_a_living_owner_is_respected_and_a_silent_one_is_not(store):
+    await store.renew(ONE, 0.2)
+    await store.create(RECORD, ONE, snapshot(0))
+    with pytest.raises(HeldElsewhereError) as caught:
+        await store.claim(RECORD.name, TWO)
+    assert caught.value.owner == ONE
+    while True:
+        try:
+            claim = await store.claim(RECORD.name, TWO)
+            break
+        except HeldElsewhereError:
+            time.sleep(0.02)
+    assert claim.token == 2
+
+
+async def test_the_old_token_changes_nothing_any_more(store):
+    await store.create(RECORD, ONE, snapshot(0))
+    await store.claim(RECORD.name, TWO)
+    with pytest.raises(SupersededError):
+        await store.log(RECORD.name, 1, ControlEntry(1, 1, b"late"))
+    with pytest.raises(SupersededError):
+        await store.save(RECORD, ONE, 1, snapshot(15), keep_from=0)
+    await store.release(RECORD.name, 1)
+    await store.remove(RECORD.name, 1)
+    await store.renew(TWO, 10)
+    with pytest.raises(HeldElsewhereError):
+        await store.claim(RECORD.name, ONE)
+
+
+async def test_a_released_session_can_be_claimed_at_once(store):
+    await store.renew(ONE, 10)
+    await store.create(RECORD, ONE, snapshot(0))
+    await store.release(RECORD.name, 1)
+    assert (await store.claim(RECORD.name, TWO)).token == 2
+
+
+async def test_a_removed_session_is_gone_and_its_request_id_free(store):
+    await store.create(RECORD, ONE, snapshot(0))
+    await store.remove(RECORD.name, 1)
+    assert await store.claim(RECORD.name, TWO) is None
+    other = SessionRecord("sessions/2", "t", RECORD.request_id, "s", 0.0, 60.0, 0.0)
+    assert await store.create(other, TWO, snapshot(0)) == other.name
+
+
+async def test_a_request_id_names_one_session(store):
+    await store.create(RECORD, ONE, snapshot(0))
+    again = SessionRecord("sessions/2", "t", RECORD.request_id, "s", 0.0, 60.0, 0.0)
+    assert await store.create(again, TWO, snapshot(0)) == RECORD.name
+    anonymous = SessionRecord("sessions/3", "t", "", "s", 0.0, 60.0, 0.0)
+    assert await store.create(anonymous, TWO, snapshot(0)) == anonymous.name
+
+
+async def test_a_session_that_nobody_keeps_expires(store):
+    await store.create(RECORD, ONE, snapshot(0))
+    assert await store.keep({RECORD.name: 0.05, "sessions/unknown": 5.0}) == {"sessions/unknown"}
+    time.sleep(0.1)
+    assert await store.claim(RECORD.name, TWO) is None
+
+
+async def test_what_the_store_lost_is_stored_anew(store):
+    with pytest.raises(MissingError):
+        await store.log(RECORD.name, 4, ControlEntry(1, 1, b""))
+    await store.save(RECORD, ONE, 4, snapshot(30), keep_from=0)
+    claim = await store.claim(RECORD.name, TWO)
+    assert claim.token == 5
+    assert claim.snapshots == (snapshot(30),)
+
+
+async def test_questions_are_heard_once(store):
+    await store.ask(ONE, "sessions/1")
+    await store.ask(ONE, "sessions/1")
+    await store.ask(ONE, "sessions/2")
+    assert await store.asked(ONE) == {"sessions/1", "sessions/2"}
+    assert await store.asked(ONE) == set()
+    assert await store.asked(TWO) == set()
+
+
+async def test_a_redis_that_is_not_there_is_down():
+    store = RedisStore.at(f"redis://127.0.0.1:{free_port()}")
+    with pytest.raises(StoreDownError):
+        await store.renew(ONE, 1.0)
+    await store.close()
