@@ -138,7 +138,7 @@ class MotionApplication:
 
     async def get_session(self, name: str) -> Session:
         """A live session; its idle timeout starts again."""
-        session = await self.ownership.hold(name)
+        session = await self._hold(name)
         session.touch()
         return session
 
@@ -156,7 +156,7 @@ class MotionApplication:
 
     async def delete_session(self, name: str) -> None:
         """Ends a session and frees its place at once."""
-        await self.ownership.delete(await self.ownership.hold(name))
+        await self.ownership.delete(await self._hold(name))
 
     async def control(self, name: str, control: motion_pb2.ControlInput) -> int:
         """Applies a control; returns the first sequence it can affect. It is written down before it takes effect."""
@@ -221,6 +221,11 @@ class MotionApplication:
             build=self._build,
             make=lambda snapshot: self._session(claim.record, self._restore(snapshot.state)),
         )
+
+    async def _hold(self, name: str) -> Session:
+        # A gateway that routes by session says with every request where the session belongs: after a replica came
+        # back, its sessions come home to it.
+        return await self.ownership.hold(name, insist=self.settings.session_header)
 
     def _new_id(self, offered: str) -> str:
         trusted = self.settings.session_header and _GATEWAY_ID.fullmatch(offered)
