@@ -17,7 +17,7 @@ from serving.server import Addresses, running, serve
 from serving.skeletons import skeleton_message
 
 from goalpose import rpc
-from goalpose.application import GoalPoseApplication, ReadsObjects
+from goalpose.application import GoalPoseApplication, ReadsObjects, SynthesizesPoses
 from goalpose.http import goalpose_router
 from goalpose.jobs import Jobs
 from goalpose.objects import Limits, load_shape
@@ -60,15 +60,12 @@ class GoalPoseService:
     async def load(self, metrics: Metrics, readiness: Readiness) -> None:
         """Loads the field and the reference pairs."""
         torch.set_num_threads(self._settings.torch_threads)
-        settings = _synthesizer_settings(self._settings)
         synthesizer, load = await asyncio.gather(
-            asyncio.to_thread(Synthesizer.load, settings),
+            asyncio.to_thread(self._load_synthesizer),
             asyncio.to_thread(self._warm_reader),
         )
         self._models = {"field": synthesizer.field_name}
-        if self._settings.workers:
-            self._pool = await asyncio.to_thread(self._start_pool, synthesizer, settings)
-        self._application = GoalPoseApplication(self._pool or synthesizer, load, self._settings, metrics.registry)
+        self._application = GoalPoseApplication(synthesizer, load, self._settings, metrics.registry)
         self._jobs = Jobs(self._application)
 
     def router(self) -> APIRouter:
@@ -101,14 +98,14 @@ class GoalPoseService:
         self._loader.warm()
         return self._loader.load
 
-    def _start_pool(self, synthesizer: Synthesizer, settings: SynthesizerSettings) -> SynthesizerPool:
-        return SynthesizerPool(
-            synthesizer.references,
-            synthesizer.field_name,
-            settings,
-            processes=self._settings.workers,
-            torch_threads=self._settings.torch_threads,
-        )
+    def _load_synthesizer(self) -> SynthesizesPoses:
+        """The networks, here or in processes of their own."""
+        settings = _synthesizer_settings(self._settings)
+        if not self._settings.workers:
+            return Synthesizer.load(settings)
+        threads = self._settings.torch_threads
+        self._pool = SynthesizerPool(settings, processes=self._settings.workers, torch_threads=threads)
+        return self._pool
 
     def _loaded_jobs(self) -> Jobs:
         self._loaded()

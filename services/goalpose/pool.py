@@ -33,22 +33,20 @@ class SynthesizerPool:
 
     def __init__(
         self,
-        references: Mapping[str, ReferencePair],
-        field_name: str,
         settings: SynthesizerSettings,
         *,
         processes: int,
         torch_threads: int = 1,
         load: Load = Synthesizer.load,
     ) -> None:
-        self.references = references
-        self.field_name = field_name
+        self.references: Mapping[str, ReferencePair] = {}
+        self.field_name = ""
         self._workers = [_Worker(settings, torch_threads, load) for _ in range(processes)]
         self._idle: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
         for worker in self._workers:
             worker.launch()
         for worker in self._workers:
-            worker.wait_ready()
+            self.references, self.field_name = worker.wait_ready()
             self._idle.put(worker)
 
     def synthesize(
@@ -91,12 +89,15 @@ class _Worker:
         theirs.close()  # so that the pipe ends with the process
         self._process = process
 
-    def wait_ready(self) -> None:
-        """Blocks until the process has loaded its networks. RuntimeError when it cannot."""
+    def wait_ready(self) -> tuple[Mapping[str, ReferencePair], str]:
+        """Blocks until the process has loaded its networks: its references and its field's name.
+
+        RuntimeError when it cannot.
+        """
         if not self._pipe.poll(_START):
             self.kill()
             raise RuntimeError("a process for goal poses did not start in time")
-        self._answer()
+        return self._answer()
 
     def run(
         self,
@@ -157,7 +158,7 @@ def _serve(pipe: Connection, stop: Event, settings: SynthesizerSettings, torch_t
     except Exception:
         pipe.send(("failed", traceback.format_exc()))
         return
-    pipe.send(("ready", None))
+    pipe.send(("ready", (synthesizer.references, synthesizer.field_name)))
     while True:
         try:
             shape, request = pipe.recv()

@@ -17,8 +17,7 @@ from poser import Poser, box_file
 
 @pytest.fixture(scope="module")
 def pool():
-    poser = Poser()
-    made = SynthesizerPool(poser.references, poser.field_name, SynthesizerSettings(), processes=2, load=load)
+    made = SynthesizerPool(SynthesizerSettings(), processes=2, load=load)
     yield made
     made.close()
 
@@ -36,6 +35,7 @@ def test_an_answer_of_a_process_is_that_of_a_thread(pool, shape):
     assert (there.name, there.energies, there.warnings) == (here.name, here.energies, here.warnings)
     np.testing.assert_array_equal(there.pose.rotations, here.pose.rotations)
     np.testing.assert_array_equal(there.pose.root_position, here.pose.root_position)
+    assert (pool.field_name, list(pool.references)) == ("sha256:poser", ["chair_sit", "sofa_lie"])
     assert [progress.stage_name for progress in told] == ["preparing"]
     assert there.seconds != os.getpid()
 
@@ -81,12 +81,12 @@ def test_a_process_that_dies_fails_its_request_and_no_other(pool, shape):
 
 def test_a_pool_that_cannot_load_says_why():
     with pytest.raises(RuntimeError, match="no weights here"):
-        SynthesizerPool({}, "", SynthesizerSettings(), processes=1, load=load_nothing)
+        SynthesizerPool(SynthesizerSettings(), processes=1, load=load_nothing)
 
 
 def test_closing_ends_the_processes():
     before = {child.pid for child in psutil.Process().children()}
-    pool = SynthesizerPool({}, "", SynthesizerSettings(), processes=1, load=load)
+    pool = SynthesizerPool(SynthesizerSettings(), processes=1, load=load)
     started = [child for child in psutil.Process().children() if child.pid not in before]
     assert started
     pool.close()
