@@ -56,6 +56,17 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     return values
 
 
+def bone_depths(figure: Figure, model: ReferenceModel, target: Target) -> dict[str, float]:
+    """How deep the capsules of each bone of the first pose lie in the object [m]; only bones that are in it."""
+    depths = penetration_depths(figure[:1], model.body, target.distance)[0]
+    found: dict[str, float] = {}
+    for joint, depth in zip(model.body.joint.tolist(), depths.tolist(), strict=True):
+        if depth > 0:
+            bone = model.skeleton.humanoid_bones[joint]
+            found[bone] = max(depth, found.get(bone, 0.0))
+    return found
+
+
 def support_height(figure: Figure, target: Target) -> float:
     """Height [m] of the hips joint above the highest surface under hips and hip joints."""
     joints = figure.skeleton.indices(["hips", "leftUpperLeg", "rightUpperLeg"])

@@ -16,6 +16,7 @@ from goalpose.candidates import Candidates
 from goalpose.energy.angle_limit import angle_limit, excess_and_motion
 from goalpose.energy.chain import Chain
 from goalpose.energy.clearance import clearance
+from goalpose.energy.constraint import constraint, constraint_misses, constraint_motion
 from goalpose.energy.contact import contact
 from goalpose.energy.descriptor import descriptor_rows
 from goalpose.energy.facing import carried_front, facing
@@ -107,6 +108,10 @@ def _expand_skeleton(
         carried = carried_up(figure, model.gravity)
         motion = chain.turning(upright_joints(figure.skeleton), carried)
         found.bend("gravity", weighed(gravity(carried), w.gravity), motion)
+    if w.constraint and target.constraints.given:
+        misses = constraint_misses(figure, target.constraints)
+        motion = constraint_motion(chain, figure, target.constraints)
+        found.bend("constraint", weighed(constraint(misses), w.constraint), motion)
 
 
 def _expand_contacts(

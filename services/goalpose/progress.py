@@ -1,9 +1,11 @@
 """What a solver tells while it runs, and how it is stopped."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from character.pose import Pose
+
+from goalpose.objects.own_axes import Placement
 
 STAGES = ("preparing", "root", "joints", "joints with priors")
 
@@ -21,6 +23,10 @@ class Progress:
     iteration_count: int  # of the whole run
     energy: float
     pose: Pose | None
+
+    def placed(self, placement: Placement) -> "Progress":
+        """The same with the pose in the object's world."""
+        return self if self.pose is None else replace(self, pose=placement.to_world(self.pose))
 
     @property
     def stage_name(self) -> str:

@@ -76,9 +76,10 @@ def coarse_search(
     places: Tensor,
     turns: Tensor,
     shortlist: int,
+    apart: float,
     watch: Watch,
 ) -> Candidates:
-    """Rigid placements of every reference: the `shortlist` distinct ones of each by geometry, with the whole energy."""
+    """Rigid placements of every reference: the `shortlist` best of each by geometry, with the whole energy."""
     # Rigid moves hardly change the terms of the body alone; contacts and penetration imply the clearance.
     cheap = replace(
         without_descriptor(settings).weights,
@@ -97,7 +98,7 @@ def coarse_search(
         reference = torch.full((len(figure),), index)
         if cheap.contact or cheap.penetration:
             found = evaluate(figure, reference * 0, one, target, replace(settings, weights=cheap))
-            chosen = distinct(found, shortlist, reach=0.06, angle=0.3)
+            chosen = distinct(found, shortlist, reach=apart, angle=0.3)
             figure, reference = figure[chosen], reference[chosen]
         figures.append(figure)
         references.append(reference)

@@ -5,7 +5,7 @@ shows only once its pose has been adapted a little.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
@@ -26,6 +26,11 @@ class Round:
     iterations: int
     samples: int
     joints: bool
+    apart: float = 0.12  # [m] placements nearer than this to a better one, with about its heading, are the same
+
+    def wanting(self, count: int) -> "Round":
+        """The same with at least `count` candidates, whatever references they are made from."""
+        return replace(self, keep=max(self.keep, count), each=max(self.each, count))
 
 
 RIGID = Round(keep=14, each=2, iterations=3, samples=1, joints=False)
@@ -44,6 +49,18 @@ class SolverConfig:
     rigid: Round = RIGID
     joints: Round = JOINTS
     finish: Round = FINISH
+
+    def wanting(self, count: int) -> "SolverConfig":
+        """Sizes for several poses: as many more candidates as there are more poses to find."""
+        if count <= 1:
+            return self
+        return replace(
+            self,
+            shortlist=max(self.shortlist, 24 * count),
+            rigid=self.rigid.wanting(6 * count),
+            joints=self.joints.wanting(4 * count),
+            finish=replace(self.finish.wanting(2 * count), apart=0.25),
+        )
 
     @property
     def samples(self) -> int:
@@ -73,21 +90,23 @@ def solve(
     """
     found = coarse_search(
         model,
-        target,
+        target.rigid,
         Settings(config.weights, config.coarse_samples),
         places=places,
         turns=headings(config.headings, initial_yaw),
         shortlist=max(6, config.shortlist // len(model)),
+        apart=0.5 * config.rigid.apart,
         watch=watch,
     )
     done = 0
     for stage, turn in ((1, config.rigid), (2, config.joints), (3, config.finish)):
         each = turn.each if len(model) > 1 else None
-        found = found.picked(distinct(found, keep if keep and stage == 1 else turn.keep, each=each))
+        count = keep if keep and stage == 1 else turn.keep
+        found = found.picked(distinct(found, count, reach=turn.apart, each=each))
         found = minimise(
             found,
             model,
-            target,
+            target if turn.joints else target.rigid,
             Settings(config.weights, turn.samples),
             iterations=turn.iterations,
             joints=turn.joints,

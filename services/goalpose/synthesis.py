@@ -5,28 +5,46 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import torch
-from character.pose import Pose
+from character.retarget import RetargetError
+from character.skeleton import Skeleton
+from serving.cache import RecentCache
 
-from goalpose.candidates import Candidates, facing_yaw
-from goalpose.diagnostics import PoseWarning, diagnose, warn
+from goalpose.bodies import fitted
+from goalpose.candidates import Candidates
+from goalpose.energy.constraint import NONE, Constraints, constraints_in
 from goalpose.energy.descriptor import DescriptorField
 from goalpose.energy.total import ReferenceModel, Target, models_stack
 from goalpose.field.field import Field
 from goalpose.objects import Shape
+from goalpose.objects.own_axes import Placement, in_own_axes
 from goalpose.paper_solver import PaperConfig, solve_paper
 from goalpose.places import find_places
 from goalpose.progress import Listener, Progress, Watch
+from goalpose.ranking import choose_diverse
 from goalpose.reference_model import model_reference
 from goalpose.references import ACTIONS, ReferencePair, load_references
+from goalpose.result import GoalPoseResult, RankedPose, ranked_pose, summaries
 from goalpose.solver import SolverConfig, solve
+
+__all__ = [
+    "SOLVERS",
+    "GoalPoseRequest",
+    "GoalPoseResult",
+    "RankedPose",
+    "RequestError",
+    "Synthesizer",
+    "SynthesizerSettings",
+]
 
 SOLVERS = ("default", "paper")
 ENCODER_POINTS = 1500
+MODELS = 96  # reference models remembered: the shipped pairs for some skeletons and seeds
 _CHECKOUT = Path(__file__).parents[2]
 
 
@@ -57,47 +75,19 @@ class GoalPoseRequest:
     seed: int = 0
     solver: str = "default"
     count: int = 1  # poses wanted: the best, then others that differ from it in place, heading or posture
+    constraints: Constraints = NONE  # where to sit, face and put the hands
+    weights: tuple[tuple[str, float], ...] = ()  # energy terms that weigh otherwise than the default solver says
+    pair: ReferencePair | None = None  # a pair of the caller's own, instead of a shipped one
+    skeleton: Skeleton | None = None  # who sits; None: the one of the reference pairs
 
-
-@dataclass(frozen=True)
-class CandidateSummary:
-    """One of the placements that were optimised to the end."""
-
-    energy: float
-    root_position: tuple[float, float, float]
-    heading: float  # [rad]
-
-
-@dataclass(frozen=True, eq=False)
-class RankedPose:
-    """One of several poses on an object, in the object's world."""
-
-    pose: Pose
-    place: tuple[float, float, float]  # where the hips are over the object's surface, on that surface [m]
-    reference: str
-    action: str
-    energies: dict[str, float]  # weighted terms and "total"
-    diagnostics: dict[str, float]
-    bone_depths: dict[str, float]  # deepest capsule of every bone in the object [m]; only bones that are in it
-    warnings: tuple[PoseWarning, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class GoalPoseResult:
-    """The best pose, in the object's world."""
-
-    name: str  # "goalPoses/sha256:…" of request, object and model
-    pose: Pose
-    energies: dict[str, float]  # weighted terms and "total"
-    diagnostics: dict[str, float]
-    warnings: tuple[PoseWarning, ...]
-    reference: str
-    action: str
-    floor_height: float
-    object: str
-    seconds: float
-    candidates: tuple[CandidateSummary, ...]
-    poses: tuple[RankedPose, ...] = ()  # best first, beginning with `pose`; as many as there are, at most `count`
+    @property
+    def key(self) -> dict[str, Any]:
+        """What the answer depends on, as JSON."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("pair", "skeleton")}
+        values["constraints"] = asdict(self.constraints)
+        values["pair"] = None if self.pair is None else self.pair.id
+        values["skeleton"] = None if self.skeleton is None else self.skeleton.id
+        return values
 
 
 @dataclass(eq=False)
@@ -109,7 +99,9 @@ class Synthesizer:
     field_name: str = "field"
     config: SolverConfig = dataclasses.field(default_factory=SolverConfig)
     paper: PaperConfig = dataclasses.field(default_factory=PaperConfig)
-    _models: dict[tuple[str, int, int], ReferenceModel] = dataclasses.field(default_factory=dict)
+    _models: RecentCache[tuple[str, str, int, int], ReferenceModel] = dataclasses.field(
+        default_factory=lambda: RecentCache(MODELS)
+    )
     _lock: Lock = dataclasses.field(default_factory=Lock)
 
     @classmethod
@@ -135,18 +127,54 @@ class Synthesizer:
         """
         started = time.perf_counter()
         pairs = self._chosen(request)
-        watch = Watch(progress, cancelled)
+        own, placement = in_own_axes(shape)
+        watch = Watch(None if progress is None else lambda told: progress(told.placed(placement)), cancelled)
         watch.tell(lambda: Progress(0, 0, self.config.iterations, 0.0, None))
+        target = self._target(own, constraints_in(request.constraints, placement))
+        first = None if request.initial_yaw is None else request.initial_yaw - placement.yaw
+        if request.solver == "paper":
+            # No rule for choosing among references was published: the first, as it stands in the world.
+            pairs, found = (
+                pairs[:1],
+                self._solve_paper(own, target, pairs[0], request, -placement.yaw if first is None else first, watch),
+            )
+        else:
+            found = self._solve_default(own, target, pairs, request, first, watch)
+        poses = self._ranked(found, pairs, target, placement, request)
+        best = poses[0]
+        return GoalPoseResult(
+            name=self._name(shape, request),
+            pose=best.pose,
+            energies=best.energies,
+            diagnostics=best.diagnostics,
+            warnings=best.warnings,
+            reference=best.reference,
+            action=best.action,
+            floor_height=shape.floor_height,
+            object=shape.name,
+            seconds=time.perf_counter() - started,
+            candidates=summaries(found, placement),
+            poses=poses,
+        )
+
+    def _target(self, own: Shape, constraints: Constraints) -> Target:
         with torch.no_grad():
-            latent = self.field.encode(torch.as_tensor(shape.points[:ENCODER_POINTS])[None])
-        target = Target(self.field, latent, shape.distance, shape.floor_height, self.field.front(latent)[0])
-        solve = self._solve_paper if request.solver == "paper" else self._solve_default
-        pair, found = solve(shape, target, pairs, request, watch)
-        return self._result(shape, target, pair, found, request, time.perf_counter() - started)
+            latent = self.field.encode(torch.as_tensor(own.points[:ENCODER_POINTS])[None])
+        front = self.field.front(latent)[0]
+        return Target(self.field, latent, own.distance, own.floor_height, front, constraints)
 
     def _chosen(self, request: GoalPoseRequest) -> list[ReferencePair]:
         if request.solver not in SOLVERS:
             raise RequestError("solver", f"solver is {request.solver!r}; it must be one of {', '.join(SOLVERS)}")
+        pairs = [request.pair] if request.pair is not None else self._shipped(request)
+        if request.skeleton is None:
+            return pairs
+        try:
+            return [fitted(pair, request.skeleton) for pair in pairs]
+        except RetargetError as error:
+            raise RequestError("skeleton", str(error)) from error
+
+    def _shipped(self, request: GoalPoseRequest) -> list[ReferencePair]:
         if request.reference is not None:
             if request.reference not in self.references:
                 known = ", ".join(self.references)
@@ -158,76 +186,78 @@ class Synthesizer:
 
     def model(self, pair: ReferencePair, seed: int, samples: int) -> ReferenceModel:
         """The energy's view of a reference pair, computed once."""
-        key = (pair.id, seed, samples)
+        key = (pair.id, pair.pose.skeleton.id, seed, samples)
         with self._lock:
-            if key not in self._models:
-                self._models[key] = model_reference(pair, self.field, samples=samples, seed=seed, points=ENCODER_POINTS)
-            return self._models[key]
+            known = self._models.get(key)
+            if known is None:
+                known = model_reference(pair, self.field, samples=samples, seed=seed, points=ENCODER_POINTS)
+                self._models.put(key, known)
+            return known
 
     def _stacked(self, pairs: list[ReferencePair], seed: int, samples: int) -> ReferenceModel:
         """Several reference pairs as one model."""
         return models_stack([self.model(pair, seed, samples) for pair in pairs])
 
     def _solve_default(
-        self, shape: Shape, target: Target, pairs: list[ReferencePair], request: GoalPoseRequest, watch: Watch
-    ) -> tuple[ReferencePair, Candidates]:
+        self,
+        shape: Shape,
+        target: Target,
+        pairs: list[ReferencePair],
+        request: GoalPoseRequest,
+        first: float | None,
+        watch: Watch,
+    ) -> Candidates:
+        config = replace(self.config, weights=replace(self.config.weights, **dict(request.weights)))
+        wishes = target.constraints
         places = find_places(shape)
+        if wishes.seat_point is not None:
+            places = torch.cat([places, torch.tensor(wishes.seat_point)[None]])
         if not len(places):
             places = torch.tensor(shape.bounds.mean(0), dtype=torch.float32)[None]
-        found = solve(
-            self._stacked(pairs, request.seed, self.config.samples),
+        return solve(
+            models_stack([self.model(pair, request.seed, config.samples) for pair in pairs]),
             target,
-            self.config,
+            config.wanting(request.count),
             places=places,
-            initial_yaw=request.initial_yaw or 0.0,
+            initial_yaw=first or wishes.facing or 0.0,
             watch=watch,
             keep=request.restarts,
         )
-        return pairs[int(found.reference[0])], found
 
     def _solve_paper(
-        self, shape: Shape, target: Target, pairs: list[ReferencePair], request: GoalPoseRequest, watch: Watch
-    ) -> tuple[ReferencePair, Candidates]:
-        """The published schedule on the first pair: it has no rule for choosing one."""
-        model = self.model(pairs[0], request.seed, self.paper.samples)
-        config = replace(self.paper, headings=request.restarts) if request.restarts else self.paper
-        return pairs[0], solve_paper(model, target, shape, config, initial_yaw=request.initial_yaw or 0.0, watch=watch)
-
-    def _result(
         self,
         shape: Shape,
         target: Target,
         pair: ReferencePair,
-        found: Candidates,
         request: GoalPoseRequest,
-        seconds: float,
-    ) -> GoalPoseResult:
+        first: float,
+        watch: Watch,
+    ) -> Candidates:
+        model = self.model(pair, request.seed, self.paper.samples)
+        config = replace(self.paper, headings=request.restarts) if request.restarts else self.paper
+        return solve_paper(model, target, shape, config, initial_yaw=first, watch=watch)
+
+    def _ranked(
+        self,
+        found: Candidates,
+        pairs: list[ReferencePair],
+        target: Target,
+        placement: Placement,
+        request: GoalPoseRequest,
+    ) -> tuple[RankedPose, ...]:
+        """The best poses that differ, best first."""
         samples = self.paper.samples if request.solver == "paper" else self.config.samples
-        values = diagnose(found.figure, self.model(pair, request.seed, samples), target)
-        energies = {name: float(term[0]) for name, term in found.terms.items()} | {"total": float(found.energy[0])}
-        yaws = facing_yaw(found.figure)
-        summaries = [
-            CandidateSummary(float(e), (float(r[0]), float(r[1]), float(r[2])), float(y))
-            for e, r, y in zip(found.energy, found.figure.root_position, yaws, strict=True)
-        ]
-        return GoalPoseResult(
-            name=self._name(shape, request),
-            pose=found.pose(),
-            energies=energies,
-            diagnostics=values,
-            warnings=warn(values),
-            reference=pair.id,
-            action=pair.action,
-            floor_height=shape.floor_height,
-            object=shape.name,
-            seconds=seconds,
-            candidates=tuple(summaries),
-        )
+        poses = []
+        for index in choose_diverse(found, max(1, request.count)):
+            one = found.picked(index[None])
+            model = self.model(pairs[int(one.reference[0])], request.seed, samples)
+            poses.append(ranked_pose(one, pairs, model, target, placement))
+        return tuple(poses)
 
     def _name(self, shape: Shape, request: GoalPoseRequest) -> str:
         parts = [
             shape.name,
-            asdict(request),
+            request.key,
             self.field_name,
             str(self.config),
             str(self.paper),

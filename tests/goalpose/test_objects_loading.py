@@ -114,7 +114,7 @@ def test_quads_and_polygons_of_an_obj():
     corners = [(x, y, z) for x in (0, 0.5) for y in (0, 0.45) for z in (0, 0.5)]
     quads = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
     text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {quad}\n" for quad in quads)
-    shape = load_shape(text.encode(), "obj")
+    shape = load_shape(text.encode(), "obj", up="y")
     np.testing.assert_allclose(shape.bounds[1], [0.5, 0.45, 0.5])
     assert len(shape.mesh[1]) == 12
 

@@ -1,4 +1,8 @@
+import numpy as np
 import pytest
+import trimesh
+from character.rotation import quat_from_yaw, quat_rotate
+from goalpose.objects import load_shape
 from goalpose.paper_solver import PaperConfig
 from goalpose.progress import Cancelled
 from goalpose.synthesis import GoalPoseRequest, RequestError, Synthesizer, SynthesizerSettings
@@ -54,6 +58,43 @@ def test_a_dining_table_high_bar_seat_is_reported(synthesizer):
 def test_the_published_solver_runs(synthesizer):
     result = synthesizer.synthesize(pair("chair_sit").shape, GoalPoseRequest(reference="chair_sit", solver="paper"))
     assert set(result.energies) == {"descriptor", "angle_limit", "floor", "prior", "total"}
+
+
+def turned_file(name: str, yaw: float, offset: np.ndarray) -> bytes:
+    """The object of a reference pair, turned about +Y and moved."""
+    vertices, faces = pair(name).shape.mesh
+    turn = np.broadcast_to(quat_from_yaw(np.array(yaw)), (len(vertices), 4))
+    moved = quat_rotate(turn, vertices.astype(np.float64)) + offset
+    return trimesh.Trimesh(moved, faces, process=False).export(file_type="ply")
+
+
+@pytest.mark.parametrize("name", ["office_sit", "sofa_sit"])
+def test_turning_and_moving_the_upload_turns_and_moves_the_pose(synthesizer, name):
+    yaw, offset = 1.1, np.array([2.0, 0.3, -1.0])
+    request = GoalPoseRequest(reference="chair_sit")
+    still = synthesizer.synthesize(pair(name).shape, request).pose
+    turned = synthesizer.synthesize(load_shape(turned_file(name, yaw, offset), "ply", unit="m", up="y"), request).pose
+    apart = turned.positions() - (still.turned(yaw).positions() + offset)
+    assert np.linalg.norm(apart, axis=-1).max() < 0.01
+
+
+def test_a_bench_offers_several_places(synthesizer):
+    result = synthesizer.synthesize(pair("bench_sit").shape, GoalPoseRequest(reference="stool_sit", count=2))
+    assert len(result.poses) == 2
+    assert result.poses[0].pose is result.pose
+    hips = np.stack([found.pose.root_position for found in result.poses])
+    apart = np.linalg.norm(hips[:, None] - hips[None], axis=-1)
+    assert apart[0, 1] > 0.3
+    for found in result.poses:
+        assert found.place[1] == pytest.approx(0.45, abs=0.02)
+
+
+def test_progress_is_told_in_the_world(synthesizer):
+    told = []
+    offset = np.array([5.0, 0.0, 5.0])
+    shape = load_shape(turned_file("office_sit", 0.5, offset), "ply", unit="m", up="y")
+    synthesizer.synthesize(shape, GoalPoseRequest(reference="chair_sit"), progress=told.append)
+    assert np.linalg.norm((told[-1].pose.root_position - offset)[[0, 2]]) < 0.6
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from goalpose.energy.angle_limit import AngleLimits, angle_excess, angle_limit
 from goalpose.energy.clearance import clearance
+from goalpose.energy.constraint import NONE, Constraints, constraint, constraint_misses
 from goalpose.energy.contact import Contacts, contact, contacts_stack
 from goalpose.energy.descriptor import DescriptorField, Probes, descriptor_energy, pose_descriptor
 from goalpose.energy.distance import SignedDistance
@@ -96,6 +97,12 @@ class Target:
     distance: SignedDistance
     floor_height: float
     front: Tensor  # [3] the front as the field sees it, as long as it is clear
+    constraints: Constraints = NONE
+
+    @property
+    def rigid(self) -> "Target":
+        """The same for poses whose joints do not move yet."""
+        return replace(self, constraints=self.constraints.rigid)
 
 
 @dataclass(frozen=True)
@@ -132,6 +139,8 @@ def total_energy(
         terms["facing"] = w.facing * facing(carried_front(figure, model.front), target.front).energy
     if w.gravity:
         terms["gravity"] = w.gravity * gravity(carried_up(figure, model.gravity)).energy
+    if w.constraint and target.constraints.given:
+        terms["constraint"] = w.constraint * constraint(constraint_misses(figure, target.constraints)).energy
     if not terms:
         raise ValueError(f"all weights are 0; set one of {', '.join(f.name for f in fields(w))}")
     return torch.stack(list(terms.values())).sum(0), terms

@@ -22,6 +22,7 @@ class EnergyWeights:
     facing: float = 0.0  # E_o, squared difference of the fronts of reference and target [1]
     gravity: float = 0.0  # E_g, squared tilt of pelvis and chest against the reference [1/rad^2]
     self_collision: float = 0.0  # E_x, mean squared depth of capsules in each other [1/m^2]
+    constraint: float = 0.0  # E_w, squared misses of what the caller asked for, in units of 5 cm and 0.2 rad [1]
 
     @property
     def looks_at_clearances(self) -> bool:
@@ -55,4 +56,5 @@ DEFAULT = EnergyWeights(
     facing=0.5,
     gravity=2.0,
     self_collision=50.0,
+    constraint=0.3,
 )

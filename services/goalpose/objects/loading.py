@@ -9,16 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from goalpose.objects.axes import check_up, up_rotation
+from goalpose.objects.distance import turn_about_y
 from goalpose.objects.errors import ObjectError
 from goalpose.objects.geometry import Array, Geometry
+from goalpose.objects.heading import canonical_yaw
 from goalpose.objects.limits import Limits
 from goalpose.objects.reading import read_geometry
-from goalpose.objects.sampling import Samples
 from goalpose.objects.shape import Shape, ShapeWarning
 from goalpose.objects.surface import sample_surface
 from goalpose.objects.units import check_unit, choose_unit
-from goalpose.objects.upright import choose_up
-from goalpose.objects.voxels import Surface, choose_pitch, signed_distance
+from goalpose.objects.upright import UpGuess, choose_up
+from goalpose.objects.voxels import choose_pitch, signed_distance
 
 _THINNEST = 0.02  # [m] no furniture's box is thinner
 _FARTHEST = 1000.0  # [m] beyond this from the origin float32 points lose a tenth of a millimetre
@@ -52,52 +53,54 @@ def shape_of(geometry: Geometry, *, unit: str | None = None, up: str | None = No
     if unit_guess.doubt:
         warnings.append(ShapeWarning("OBJECT_UNIT_UNSURE", unit_guess.doubt))
     scaled = replace(geometry, vertices=geometry.vertices * unit_guess.metres)
-    extents = np.ptp(scaled.vertices, axis=0)
-    _check_box(scaled.vertices, extents)
-    pitch = choose_pitch(extents)
-    samples, surface = sample_surface(scaled, pitch)
-    up = up or geometry.up
+    _check_box(scaled.vertices)
+    up = up or scaled.up
     if up is None:
-        up_guess = choose_up(samples.points, surface.normals if samples.normals is None else samples.normals)
+        up_guess = _guess_up(scaled)
         up = up_guess.up
         if up_guess.doubt:
             warnings.append(ShapeWarning("OBJECT_UP_UNSURE", up_guess.doubt))
     rotation = up_rotation(up)
     transform = np.eye(4)
     transform[:3, :3] = rotation * unit_guess.metres
-    return _assemble(scaled, samples, surface, rotation, transform, pitch, tuple(warnings))
+    return _assemble(replace(scaled, vertices=scaled.vertices @ rotation.T), transform, tuple(warnings))
 
 
-def _assemble(
-    scaled: Geometry,
-    samples: Samples,
-    surface: Surface,
-    rotation: Array,
-    transform: Array,
-    pitch: float,
-    warnings: tuple[ShapeWarning, ...],
-) -> Shape:
-    """Turn everything to +Y up and build the distance grid."""
-    vertices = scaled.vertices @ rotation.T
-    bounds = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
-    turn = rotation.T.astype(np.float32)
-    turned = Surface(surface.points @ turn, surface.normals @ turn, surface.spacing)
-    points = (samples.points @ rotation.T).astype(np.float32)
+def _guess_up(scaled: Geometry) -> UpGuess:
+    samples, surface = sample_surface(scaled, choose_pitch(np.ptp(scaled.vertices, axis=0)))
+    return choose_up(samples.points, surface.normals if samples.normals is None else samples.normals)
+
+
+def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...]) -> Shape:
+    """Sample geometry in metres and +Y up, and build its distance grid, both in the object's own axes.
+
+    An upload turned about +Y then has the same samples and the same grid, turned.
+    """
+    yaw = canonical_yaw(world.vertices, world.faces)
+    axes = turn_about_y(yaw)
+    own = world.vertices @ axes
+    box = np.stack([own.min(axis=0), own.max(axis=0)])
+    pitch = choose_pitch(box[1] - box[0])
+    samples, surface = sample_surface(replace(world, vertices=own), pitch)
+    points = (samples.points @ axes.T).astype(np.float32)
+    bounds = np.stack([world.vertices.min(axis=0), world.vertices.max(axis=0)])
+    floor = float(bounds[0, 1])
     return Shape(
         name=_name(points, transform),
         points=points,
-        normals=None if samples.normals is None else (samples.normals @ rotation.T).astype(np.float32),
+        normals=None if samples.normals is None else (samples.normals @ axes.T).astype(np.float32),
         object_to_world=transform,
-        floor_height=float(bounds[0, 1]),
+        floor_height=floor,
         bounds=bounds,
-        distance=signed_distance(turned, pitch=pitch, floor=float(bounds[0, 1])),
-        mesh=None if scaled.faces is None else (vertices.astype(np.float32), scaled.faces.astype(np.int32)),
+        distance=signed_distance(surface, box=box, pitch=pitch, floor=floor, yaw=yaw),
+        mesh=None if world.faces is None else (world.vertices.astype(np.float32), world.faces.astype(np.int32)),
         warnings=warnings,
     )
 
 
-def _check_box(vertices: Array, extents: Array) -> None:
+def _check_box(vertices: Array) -> None:
     """Refuse flat sheets and lines (nothing can sit on them) and objects lost far from their origin."""
+    extents = np.ptp(vertices, axis=0)
     if extents.min() < _THINNEST:
         raise ObjectError(
             "OBJECT_TOO_FLAT",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 
-from goalpose.objects.geometry import Array, Geometry
+from goalpose.objects.geometry import Array
 
 # Fractional parts of the powers of the plastic number: the two-dimensional additive sequence with the evenest spread.
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
@@ -27,14 +26,6 @@ class Samples:
     normals: Array | None
 
 
-def content_seed(geometry: Geometry) -> int:
-    """A seed that depends on nothing but the geometry's numbers (at float32)."""
-    digest = hashlib.sha256(geometry.vertices.astype("<f4").tobytes())
-    if geometry.faces is not None:
-        digest.update(geometry.faces.astype("<i4").tobytes())
-    return int.from_bytes(digest.digest()[:8], "little")
-
-
 def triangle_areas(triangles: Array) -> Array:
     """Areas `[F]` of triangles `[F, 3, 3]`."""
     vectors = _area_vectors(triangles)
@@ -52,8 +43,7 @@ def sample_triangles(triangles: Array, areas: Array, count: int, *, seed: int) -
     targets = (np.arange(count) + rng.random(count)) * (cumulated[-1] / count)
     chosen = np.minimum(np.searchsorted(cumulated, targets, side="right"), len(triangles) - 1)
     # Each triangle has the sequence from its own random start: one start for all would alias with regular meshes.
-    rank = np.arange(count) - np.searchsorted(chosen, chosen)
-    uv = (rng.random((len(triangles), 2))[chosen] + rank[:, None] * _R2) % 1.0
+    uv = (rng.random((len(triangles), 2))[chosen] + np.arange(count)[:, None] * _R2) % 1.0
     u, v = uv[:, :1], uv[:, 1:]
     folded = u + v > 1.0
     u, v = np.where(folded, 1.0 - u, u), np.where(folded, 1.0 - v, v)

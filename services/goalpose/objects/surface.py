@@ -11,7 +11,6 @@ from goalpose.objects.errors import ObjectError
 from goalpose.objects.geometry import Array, Geometry
 from goalpose.objects.sampling import (
     Samples,
-    content_seed,
     sample_cloud,
     sample_triangles,
     shuffled_subset,
@@ -22,6 +21,7 @@ from goalpose.objects.voxels import Surface
 SAMPLE_COUNT = 20_000
 _DENSE_LEAST, _DENSE_MOST = 40_000, 160_000
 _SAMPLES_PER_CELL = 4.0
+_SEED = 0  # the same for all: a turned upload has the turned samples
 _NEIGHBOURS = 12  # of a cloud point, to lay a plane through
 
 
@@ -53,7 +53,7 @@ def local_normals(points: Array) -> LocalPlanes:
 
 
 def _cloud_surface(cloud: Geometry) -> tuple[Samples, Surface]:
-    samples = sample_cloud(cloud.vertices, SAMPLE_COUNT, seed=content_seed(cloud))
+    samples = sample_cloud(cloud.vertices, SAMPLE_COUNT, seed=_SEED)
     planes = local_normals(samples.points)
     return samples, Surface(samples.points.astype(np.float32), planes.normals.astype(np.float32), planes.spacing)
 
@@ -69,9 +69,8 @@ def _mesh_surface(mesh: Geometry, pitch: float) -> tuple[Samples, Surface]:
             message="All triangles are degenerate: the surface has no area.",
             remedy="Check the object in a 3D program and export it again.",
         )
-    seed = content_seed(mesh)
     count = int(np.clip(area / pitch**2 * _SAMPLES_PER_CELL, _DENSE_LEAST, _DENSE_MOST))
-    dense = sample_triangles(triangles, areas, count, seed=seed)
+    dense = sample_triangles(triangles, areas, count, seed=_SEED)
     assert dense.normals is not None
     surface = Surface(dense.points.astype(np.float32), dense.normals.astype(np.float32), float(np.sqrt(area / count)))
-    return shuffled_subset(dense, SAMPLE_COUNT, seed=seed), surface
+    return shuffled_subset(dense, SAMPLE_COUNT, seed=_SEED), surface

@@ -58,16 +58,19 @@ def choose_pitch(extents: npt.NDArray[np.float64]) -> float:
     return float(np.clip((volume / _NODE_BUDGET) ** (1 / 3), _FINEST, _COARSEST))
 
 
-def signed_distance(surface: Surface, *, pitch: float, floor: float) -> DistanceGrid:
+def signed_distance(surface: Surface, *, box: Corner, pitch: float, floor: float, yaw: float = 0.0) -> DistanceGrid:
     """Signed distance to the body that a surface bounds.
 
     Args:
-        surface: its samples.
+        surface: its samples, in the grid's axes.
+        box: `[2, 3]` corners of the object in the grid's axes [m]; the grid lies evenly around it, so that mirrored
+            objects have mirrored grids.
         pitch: node spacing [m].
         floor: height of the floor on which the object stands [m].
+        yaw: by which the grid's axes are turned about the world's +Y [rad].
     """
-    low = surface.points.min(axis=0).astype(np.float64) - _PAD
-    shape = np.ceil((surface.points.max(axis=0) + _PAD - low) / pitch).astype(int) + 1
+    shape = np.ceil((box[1] - box[0] + 2 * _PAD) / pitch).astype(int) + 1
+    low = box.mean(axis=0) - 0.5 * pitch * (shape - 1)
     nearest, unsigned, touching = _unsigned(surface, low, pitch, tuple(int(n) for n in shape))
     radius = max(0.5 * _MIN_GAP, 0.9 * pitch, _HOLE * surface.spacing)
     level = int(np.floor((floor - low[1]) / pitch))
@@ -77,7 +80,7 @@ def signed_distance(surface: Surface, *, pitch: float, floor: float) -> Distance
     close = (depth > 0) & (np.abs(depth - unsigned) < 0.5 * pitch)
     values[close] = -unsigned[close]  # u knows the surface better than the closing does
     values -= _padding(depth, nearest, pitch)
-    return DistanceGrid(low, pitch, values)
+    return DistanceGrid(low, pitch, values, yaw)
 
 
 def _unsigned(surface: Surface, low: Corner, pitch: float, shape: tuple[int, ...]) -> tuple[Ints, Floats, Mask]:

@@ -64,6 +64,7 @@ def pack_shape(shape: Shape) -> tuple[dict[str, Any], list[memoryview]]:
         "name": shape.name,
         "floor_height": shape.floor_height,
         "pitch": shape.distance.pitch,
+        "yaw": shape.distance.yaw,
         "warnings": [asdict(warning) for warning in shape.warnings],
         "arrays": [[name, array.dtype.str, list(array.shape)] for name, array in arrays.items()],
     }
@@ -83,7 +84,7 @@ def unpack_shape(head: Mapping[str, Any], parts: Sequence[bytes]) -> Shape:
         object_to_world=arrays["object_to_world"],
         floor_height=head["floor_height"],
         bounds=arrays["bounds"],
-        distance=DistanceGrid(arrays["origin"], head["pitch"], arrays["values"]),
+        distance=DistanceGrid(arrays["origin"], head["pitch"], arrays["values"], head["yaw"]),
         mesh=(arrays["vertices"], arrays["faces"]) if "faces" in arrays else None,
         warnings=tuple(ShapeWarning(**warning) for warning in head["warnings"]),
     )

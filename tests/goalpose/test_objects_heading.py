@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+import trimesh
+from box_furniture import box, box_chair, box_sofa
+from goalpose.objects import load_shape
+from goalpose.objects.distance import turn_about_y
+from goalpose.objects.heading import canonical_yaw
+from goalpose.objects.own_axes import in_own_axes
+
+
+def _turned(mesh: trimesh.Trimesh, yaw: float) -> tuple[np.ndarray, np.ndarray]:
+    return mesh.vertices @ turn_about_y(yaw).T, mesh.faces
+
+
+@pytest.mark.parametrize("make", [box_chair, box_sofa])
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -2.9])
+def test_the_front_of_a_turned_object_is_the_turned_front(make, yaw):
+    still, turned = canonical_yaw(*_turned(make(), 0.0)), canonical_yaw(*_turned(make(), yaw))
+    assert abs(np.remainder(turned - still - yaw + 1, 2 * np.pi) - 1) < 1e-6
+    assert abs(np.remainder(still + 1, 2 * np.pi) - 1) < 1e-6  # they face +Z, away from their backs
+
+
+def test_the_axes_of_a_bench_follow_its_sides():
+    bench = box(np.array([-0.6, 0.0, -0.2]), np.array([0.6, 0.45, 0.2]))
+    assert np.sin(2 * (canonical_yaw(*_turned(bench, 0.3)) - 0.3)) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_turned_upload_has_the_same_points_and_distances_in_its_own_axes():
+    files = []
+    for yaw, offset in ((0.0, 0.0), (0.7, 3.0)):
+        vertices, faces = _turned(box_chair(), yaw)
+        moved = trimesh.Trimesh(vertices + offset, faces, process=False)
+        files.append(in_own_axes(load_shape(moved.export(file_type="ply"), "ply", unit="m", up="y"))[0])
+    still, turned = files
+    # Rounding puts a sample or two on the next triangle.
+    assert (np.abs(turned.points - still.points).max(-1) < 1e-5).mean() > 0.999
+    np.testing.assert_allclose(turned.distance.origin, still.distance.origin, atol=1e-5)
+    apart = np.abs(turned.distance.values - still.distance.values)
+    assert np.percentile(apart, 90) < 1e-6
+    assert apart.max() < 2 * still.distance.pitch  # where a node lies midway between two samples
+
+
+def test_points_and_poses_come_back_to_where_they_were():
+    shape = load_shape(trimesh.Trimesh(*_turned(box_chair(), 0.7)).export(file_type="ply"), "ply", unit="m", up="y")
+    own, placement = in_own_axes(shape)
+    np.testing.assert_allclose(placement.point_to_world(own.points), shape.points, atol=1e-5)
+    np.testing.assert_allclose(placement.point_to_own(shape.points), own.points, atol=1e-5)
+    np.testing.assert_allclose(own.distance.sample(own.points), shape.distance.sample(shape.points), atol=1e-4)
+
+
+def test_the_closed_form_gradient_is_that_of_autograd():
+    torch = pytest.importorskip("torch")
+    shape = load_shape(trimesh.Trimesh(*_turned(box_chair(), 0.7)).export(file_type="ply"), "ply", unit="m", up="y")
+    random = np.random.default_rng(0)
+    points = torch.tensor(random.uniform(-1.0, 1.5, (400, 3)), requires_grad=True)
+    value = shape.distance.query(points)
+    (gradient,) = torch.autograd.grad(value.sum(), points)
+    found, slope = shape.distance.tangent(points.detach())
+    torch.testing.assert_close(found, value.detach())
+    torch.testing.assert_close(slope, gradient, atol=1e-5, rtol=1e-4)
