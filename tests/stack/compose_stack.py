@@ -4,6 +4,7 @@ The scripts (`ROAM_ENGINE_SCRIPTS`, default ../shared/compose-engine beside the 
 local stand-ins with the names of the base images: what is special to the real slim image is not tested with them.
 """
 
+import json
 import os
 import shutil
 import socket
@@ -12,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[2]
 PROJECT = "roam-test"
@@ -75,32 +77,52 @@ def free_port() -> int:
 
 @dataclass(frozen=True)
 class Stack:
-    """Both services in containers, published on ports of 127.0.0.1 that were free."""
+    """The whole of docker-compose.yml, its gateway published on a port of 127.0.0.1 that was free."""
 
     env: dict[str, str]
-    ports: dict[str, int] = field(
-        default_factory=lambda: {
-            f"ROAM_{service}_{transport}_PORT": free_port()
-            for service in ("GOALPOSE", "MOTION")
-            for transport in ("HTTP", "GRPC")
-        }
-    )
+    port: int = field(default_factory=free_port)
+
+    @property
+    def address(self) -> str:
+        """Of the gateway, for gRPC."""
+        return f"127.0.0.1:{self.port}"
+
+    @property
+    def url(self) -> str:
+        """Of the gateway, for HTTP."""
+        return f"http://{self.address}"
 
     def compose(self, *arguments: str, seconds: float = 120) -> str:
-        ports = {name: str(port) for name, port in self.ports.items()}
-        return run(["docker", "compose", "-p", PROJECT, *arguments], self.env | ports, seconds=seconds)
+        env = self.env | {"ROAM_PORT": str(self.port), "ROAM_WORKERS": "1"}
+        return run(["docker", "compose", "-p", PROJECT, *arguments], env, seconds=seconds)
 
     def docker(self, *arguments: str) -> str:
         return run(["docker", *arguments], self.env, seconds=60)
 
-    def container(self, service: str) -> str:
-        return self.compose("ps", "-q", service).strip()
+    def up(self, *arguments: str) -> None:
+        """Starts what does not run and waits until all of it is healthy."""
+        try:
+            self.compose("up", "--detach", "--wait", "--wait-timeout", "300", *arguments, seconds=360)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.compose('logs', '--tail', '60')}") from None
 
-    def http(self, service: str) -> str:
-        return f"http://127.0.0.1:{self.ports[f'ROAM_{service.upper()}_HTTP_PORT']}"
+    def containers(self, service: str) -> list[str]:
+        """Ids of the running replicas of a service."""
+        return self.compose("ps", "-q", service).split()
 
-    def grpc(self, service: str) -> str:
-        return f"127.0.0.1:{self.ports[f'ROAM_{service.upper()}_GRPC_PORT']}"
+    def state(self, container: str) -> dict[str, Any]:
+        """What docker knows of a container."""
+        return dict(json.loads(self.docker("inspect", container))[0])
+
+    def metric(self, container: str, name: str) -> float:
+        """A metric of one replica, read inside its container."""
+        read = "import urllib.request as r; print(r.urlopen('http://127.0.0.1:8080/metrics').read().decode())"
+        text = self.docker("exec", container, "python", "-c", read)
+        return next(float(line.split()[-1]) for line in text.splitlines() if line.startswith(f"{name} "))
+
+    def owner(self) -> str:
+        """The motion replica that holds the only session there is."""
+        return next(name for name in self.containers("motion") if self.metric(name, "roam_motion_streams") > 0)
 
 
 @contextmanager
@@ -110,10 +132,7 @@ def stack() -> Iterator[Stack]:
         running = Stack(env)
         try:
             running.compose("build", seconds=1800)
-            try:
-                running.compose("up", "--detach", "--wait", "--wait-timeout", "180", seconds=240)
-            except AssertionError as error:
-                raise AssertionError(f"{error}\n{running.compose('logs', '--tail', '60')}") from None
+            running.up()
             yield running
         finally:
             running.compose("down", "--volumes", "--timeout", "30")
