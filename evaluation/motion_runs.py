@@ -4,16 +4,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from character.body import body_capsules
-from motion.figure import CONTACT_JOINTS, Figure
+from motion.figure import Figure
 from motion.step import Animator, CharacterState, FrameData, Idle
 
 from evaluation.motion_goals import SeatGoal
+from evaluation.motion_measures import Track
 
 APPROACH = 300  # frames until the goal must be reached (paper, 4.2)
 LEAVE = {"sit": 150, "lie": 330}  # frames to stand up in
 REACHED = 0.05  # [m] mean joint distance (issue 2)
 _UPRIGHT = 0.86  # [m] hips
+_RESTING = ("hips", "spine", "leftUpperLeg", "rightUpperLeg")
 
 
 @dataclass(frozen=True)
@@ -40,20 +43,17 @@ class Approach:
     reached: int | None  # first frame within 5 cm
     jump: float  # largest distance that any joint moves between two frames
     jump_joint: str
-    ankle_slide: float  # horizontal way of an ankle per contact
-    toe_slide: float
     lowest: float  # lowest joint over the floor
-    depth: float  # deepest body capsule in the object on the way, before the hold
+    depth: float  # deepest body capsule in the object on the way and sitting down, until the goal is reached
+    goal_depth: float  # the same of the goal pose itself
     stood: int | None  # frames from the command until upright
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class Take(Track):
     """The frames of one approach."""
 
     goal: SeatGoal
-    positions: np.ndarray  # [T, J, 3]
-    contacts: np.ndarray  # [T, 4]
     distance: np.ndarray  # [T] to the goal pose, whether or not it is active
 
 
@@ -86,7 +86,7 @@ def run(animator: Animator, goals: list[SeatGoal], starts: list[Start], *, frame
         positions = np.stack([row[i].positions for row in shown])
         contacts = np.stack([row[i].contacts for row in shown])
         distance = np.linalg.norm(positions - goal.pose.positions(), axis=-1).mean(-1)
-        takes.append(Take(goal, positions, contacts, distance))
+        takes.append(Take(positions, contacts, goal, distance))
     return takes
 
 
@@ -100,7 +100,6 @@ def judge(figure: Figure, take: Take, *, frames: int = APPROACH) -> Approach:
     steps = np.linalg.norm(np.diff(way, axis=0), axis=-1)
     within = np.flatnonzero(distance <= REACHED)
     upright = np.flatnonzero(way[frames:, 0, 1] > _UPRIGHT)
-    slides = slide_per_contact(figure, take)
     seated = int(within[0]) if len(within) else frames
     return Approach(
         object=take.goal.name,
@@ -113,49 +112,29 @@ def judge(figure: Figure, take: Take, *, frames: int = APPROACH) -> Approach:
         reached=seated if len(within) else None,
         jump=float(steps.max()),
         jump_joint=names[int(steps.max(0).argmax())],
-        ankle_slide=slides[0],
-        toe_slide=slides[1],
         lowest=float(way[..., 1].min()),
-        depth=deepest(figure, take, seated),
+        depth=deepest(figure, way[:seated:3], take.goal),
+        goal_depth=deepest(figure, target[None], take.goal),
         stood=int(upright[0]) if len(upright) else None,
     )
 
 
-def slide_per_contact(figure: Figure, take: Take) -> tuple[float, float]:
-    """Mean horizontal way [m] of ankles and of toe joints over one contact, as reported in the frames."""
-    feet = take.positions[:, figure.contacts.numpy()][..., [0, 2]]
-    moved = np.linalg.norm(np.diff(feet, axis=0), axis=-1)
-    both = take.contacts[1:] & take.contacts[:-1]
-    ends = (take.contacts[:-1] & ~take.contacts[1:]).sum(0) + take.contacts[-1]
-    sums = (moved * both).sum(0)
-    out = []
-    for kind in ("Foot", "Toes"):
-        columns = [i for i, name in enumerate(CONTACT_JOINTS) if name.endswith(kind)]
-        out.append(float(sums[columns].sum() / max(1, ends[columns].sum())))
-    return out[0], out[1]
+def deepest(figure: Figure, positions: np.ndarray, goal: SeatGoal) -> float:
+    """Deepest point of the body's capsule axes in the object, plus radius [m], over frames [T, J, 3].
 
-
-def deepest(figure: Figure, take: Take, until: int, *, every: int = 3) -> float:
-    """Deepest point of the body's capsule axes in the object, plus radius [m], up to frame `until`; hips and thighs
-    aside, which rest on the seat. Joint orientations are not needed: a capsule's axis runs along the bone to its child
-    joint.
+    Hips and thighs aside, which rest on the seat. Joint orientations are not needed: a capsule's axis runs along the
+    bone to its child joint.
     """
-    import torch
-
     capsules = body_capsules(figure.skeleton)
-    parents = figure.skeleton.parents
-    skipped = {"hips", "spine", "leftUpperLeg", "rightUpperLeg"}
-    deepest_found = 0.0
-    frames = take.positions[:until:every]
-    for joint, parent in enumerate(parents):
-        if parent < 0 or figure.skeleton.joint_names[parent] in skipped:
-            continue
+    names = figure.skeleton.joint_names
+    found = 0.0
+    for joint, parent in enumerate(figure.skeleton.parents):
         radii = [float(r) for j, r in zip(capsules.joints, capsules.radii, strict=True) if int(j) == parent]
-        if not radii:
+        if parent < 0 or names[parent] in _RESTING or not radii:
             continue
         share = np.linspace(0, 1, 4)[:, None, None]
-        points = frames[None, :, parent] * (1 - share) + frames[None, :, joint] * share
-        points = points + np.array([0, take.goal.shape.floor_height, 0])
-        gap = take.goal.shape.distance.query(torch.tensor(points.reshape(-1, 3), dtype=torch.float32))
-        deepest_found = max(deepest_found, min(radii) - float(gap.min()))
-    return deepest_found
+        points = positions[None, :, parent] * (1 - share) + positions[None, :, joint] * share
+        points = points + np.array([0, goal.shape.floor_height, 0])
+        gap = goal.shape.distance.query(torch.tensor(points.reshape(-1, 3), dtype=torch.float32))
+        found = max(found, min(radii) - float(gap.min()))
+    return found

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from motion.blending import blend_pose, blend_trajectory, blend_weights, limit_turns
+from motion.blending import WHOLE, Blending, blend_pose, blend_trajectory, blend_weights, limit_turns
 from motion.contact_ik import plant
 from motion.features import Answer, Goals, Inputs, decode, encode, goal_frame
 from motion.figure import Figure, Frame
@@ -21,7 +21,7 @@ _MOST_PHASE = 0.08  # [turns] per frame: 2.4 gait cycles a second
 
 
 def advance(
-    figure: Figure, predict: Predict, characters: Characters, goals: Goals
+    figure: Figure, predict: Predict, characters: Characters, goals: Goals, parts: Blending = WHOLE
 ) -> tuple[Characters, Tensor, Tensor]:
     """The next frame of every character.
 
@@ -35,7 +35,7 @@ def advance(
     distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
     styles = answer.trajectory[:, 0, 4:8].clamp(0.0, 1.0)
     action = goals.active * (styles[:, 2] + styles[:, 3]).clamp_max(1.0)
-    blend, settled = blend_weights(distance, action, characters.blend, characters.settled, goals.urgency)
+    blend, settled = blend_weights(distance, action, characters.blend, characters.settled, goals.urgency, parts)
     facing = goal_frame(figure, goals)
     # Without an active goal there is nothing to blend with, whatever weight is left from before.
     seated, floor = blend * goals.active, (styles[:, 3] < 0.5).float()

@@ -5,6 +5,8 @@ lambda = action value x (1 - 1 / (1 + exp(-20 (d - 0.25)))) interpolates positio
 0.5 at 25 cm, 0.007 at 50 cm mean joint distance.
 """
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
@@ -22,6 +24,17 @@ _FASTEST_LEG = 0.35  # [rad] legs, walking
 _LIVING = 0.1  # share of the network's own motion that stays when settled
 
 
+@dataclass(frozen=True)
+class Blending:
+    """Which parts of the blend work; evaluations switch them off to see what they are worth."""
+
+    inverse: bool = True  # the paper's bidirectional blending
+    settling: bool = True  # a pose that is nearly taken, or long overdue, is drawn onto the goal pose
+
+
+WHOLE = Blending()
+
+
 def distance_weight(distance: Tensor) -> Tensor:
     """Sigmoid weight of the mean joint distance to the goal pose [m]. [...] -> [...]."""
     return 1 - torch.sigmoid(_STEEPNESS * (distance - _HALFWAY))
@@ -33,14 +46,14 @@ def limited(value: Tensor, target: Tensor, rise: float, fall: float) -> Tensor:
 
 
 def blend_weights(
-    distance: Tensor, action: Tensor, blend: Tensor, settled: Tensor, urgency: Tensor
+    distance: Tensor, action: Tensor, blend: Tensor, settled: Tensor, urgency: Tensor, parts: Blending = WHOLE
 ) -> tuple[Tensor, Tensor]:
     """Next bidirectional weight and next settledness, both rate limited. All [B].
 
     `urgency` is for the few that are not there when a sit-down should long be over: it raises the weight by itself.
     """
-    blend = limited(blend, torch.maximum(action * distance_weight(distance), urgency), _RISE, _FALL)
-    near = (action > 0.5) & (distance < _SETTLE_WITHIN)
+    blend = limited(blend, torch.maximum(parts.inverse * action * distance_weight(distance), urgency), _RISE, _FALL)
+    near = (action > 0.5) & (distance < _SETTLE_WITHIN) & parts.settling
     return blend, limited(settled, near.float(), _SETTLE_RISE, _SETTLE_FALL)
 
 

@@ -14,6 +14,7 @@ from safetensors import safe_open
 from torch import Tensor
 
 from motion.advance import advance
+from motion.blending import WHOLE, Blending
 from motion.controller import Body, Control, control, goals_of
 from motion.features import Inputs
 from motion.figure import Figure, humanoid_figure
@@ -87,13 +88,18 @@ class Animator:
     """Loaded weights; stateless between calls, so one serves every session."""
 
     def __init__(
-        self, figure: Figure, network: MotionNetwork, normaliser: Normaliser, starts: dict[str, Tensor]
+        self,
+        figure: Figure,
+        network: MotionNetwork,
+        normaliser: Normaliser,
+        starts: dict[str, Tensor],
+        blending: Blending = WHOLE,
     ) -> None:
-        self.figure = figure
+        self.figure, self._blending = figure, blending
         self._network, self._normaliser, self._starts = network.eval(), normaliser.eval(), starts
 
     @staticmethod
-    def load(weights: str | Path) -> "Animator":
+    def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
         """From a .safetensors file. ValueError when it was trained for another skeleton."""
         figure = humanoid_figure()
         with safe_open(str(weights), "pt") as file:
@@ -105,7 +111,7 @@ class Animator:
         network, normaliser = MotionNetwork(config), Normaliser(config)
         network.load_state_dict(_part(tensors, "network."))
         normaliser.load_state_dict(_part(tensors, "normaliser."))
-        return Animator(figure, network, normaliser, _part(tensors, "start."))
+        return Animator(figure, network, normaliser, _part(tensors, "start."), blending)
 
     def start(self, position_xz: Sequence[float], yaw: float, seed: int = 0) -> CharacterState:
         """A character standing quietly at a place [m] with a heading [rad]; the seed picks stance and gait phase."""
@@ -136,7 +142,8 @@ class Animator:
             controls.append(memory)
             commands.append(command)
         goals = goals_of(self.figure, commands)
-        after, _, _ = advance(self.figure, self._predict, characters, goals)
+        goals.urgency *= self._blending.settling
+        after, _, _ = advance(self.figure, self._predict, characters, goals, self._blending)
         clock = torch.tensor([memory.clock for memory in controls])
         orientations = alive(self.figure, after.orientations, stillness(after), clock)
         positions = self.figure.positions(after.hips, orientations)
