@@ -5,10 +5,11 @@ import io
 import json
 from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from contextlib import aclosing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from character.skeleton import Skeleton
 from prometheus_client import CollectorRegistry, Counter, Histogram
 from roam.v1 import goal_pose_pb2
 from serving.cache import RecentCache
@@ -16,15 +17,19 @@ from serving.compute import ComputeQueue
 from serving.errors import CANCELLED, INVALID_ARGUMENT, PAYLOAD_TOO_LARGE, ServiceError
 from serving.skeletons import SKELETON_NOT_FOUND
 
-from goalpose.errors import OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, from_object_error
-from goalpose.messages import ACTIONS, goal_pose_message, object_message, reference_message
+from goalpose.bodies import check_bones
+from goalpose.errors import OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, REFERENCE_POSE_UNFIT, from_object_error
+from goalpose.messages import goal_pose_message, object_message, reference_message
 from goalpose.objects import ObjectError, Shape
 from goalpose.progress import Cancelled, Progress
-from goalpose.references import ReferencePair
+from goalpose.references import ReferencePair, distance_to_object, own_pair
+from goalpose.requests import pose_from_message, skeleton_from_message
 from goalpose.settings import GoalPoseSettings
 from goalpose.solving import Solving
 from goalpose.synthesis import SOLVERS, GoalPoseRequest, GoalPoseResult, RequestError
+from goalpose.wanted import Wanted, action_name, wanted_constraints, wanted_weights
 
+TOUCHING = 0.25  # [m] from the hips joint to the surface, at most; shipped references have 0.15
 _FIRST_POINTS = 3  # fewer are no surface; the reader of files has the real limit
 
 
@@ -52,19 +57,6 @@ class ReadsObjects(Protocol):
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """A checked request: what, besides the weights, decides the answer."""
-
-    object: str
-    reference: str  # id, or "" with an action
-    action: str
-    initial_yaw: float | None
-    restarts: int
-    seed: int
-    solver: str
-
-
-@dataclass(frozen=True)
 class Answer:
     """The end of a synthesis."""
 
@@ -87,6 +79,8 @@ class GoalPoseApplication:
         self._synthesizer = synthesizer
         self._objects = RecentCache[str, tuple[Shape, str]](settings.object_cache)  # name → shape, format
         self._uploads = RecentCache[str, str](4 * settings.object_cache)  # hash of the request → name
+        self._own_references = RecentCache[str, ReferencePair](settings.reference_cache)
+        self._own_skeletons = RecentCache[str, Skeleton](settings.reference_cache)
         self._answers = RecentCache[str, goal_pose_pb2.GoalPose](settings.result_cache)
         self._solving: dict[str, Solving[Progress, goal_pose_pb2.GoalPose]] = {}
         self._reading = ComputeQueue("upload", limit=settings.upload_limit, registry=registry)
@@ -132,6 +126,26 @@ class GoalPoseApplication:
         pairs = self._synthesizer.references.values()
         return [reference_message(pair, include_points=include_points) for pair in pairs]
 
+    def create_reference(self, request: goal_pose_pb2.CreateReferencePoseRequest) -> goal_pose_pb2.ReferencePose:
+        """Keeps a pose on an uploaded object as a reference; REFERENCE_POSE_UNFIT when the two do not touch."""
+        shape, _ = self._find(request.object)
+        skeleton = next((s for s in self._skeletons() if request.pose.skeleton_id in ("", s.id)), None)
+        if skeleton is None:
+            raise ServiceError(
+                SKELETON_NOT_FOUND, f"no skeleton {request.pose.skeleton_id!r}", field="pose.skeleton_id"
+            )
+        try:
+            pose = pose_from_message(request.pose, skeleton)
+        except ValueError as error:
+            raise ServiceError(INVALID_ARGUMENT, str(error), field="pose") from error
+        pair = own_pair(shape, pose, action=action_name(request.action), title=request.title)
+        apart = distance_to_object(pair)
+        if apart > TOUCHING:
+            detail = f"the hips are {apart:.2f} m from the object's surface; at most {TOUCHING} m are plausible"
+            raise ServiceError(REFERENCE_POSE_UNFIT, detail, field="pose")
+        self._own_references.put(pair.id, pair)
+        return reference_message(pair, include_points=False)
+
     async def check(self, request: goal_pose_pb2.SynthesizeRequest) -> Wanted:
         """The request with every field checked and inline points made an object."""
         wanted = Wanted(
@@ -142,13 +156,17 @@ class GoalPoseApplication:
             restarts=request.restarts,
             seed=request.seed,
             solver=request.solver or "default",
+            count=request.count or 1,
+            constraints=wanted_constraints(request),
+            weights=wanted_weights(request),
+            skeleton=self._own_skeleton(request),
         )
         self._check_numbers(wanted)
         self._check_skeleton(request, wanted)
         if request.points:
             if request.object:
                 raise ServiceError(INVALID_ARGUMENT, "give object or points, not both", field="points")
-            return Wanted(**{**asdict(wanted), "object": await self._inline(request.points)})
+            return replace(wanted, object=await self._inline(request.points))
         self._find(wanted.object)
         return wanted
 
@@ -189,9 +207,10 @@ class GoalPoseApplication:
 
     def _begin(self, key: str, wanted: Wanted) -> Solving[Progress, goal_pose_pb2.GoalPose]:
         shape, _ = self._find(wanted.object)
+        request = self._request(wanted)
 
         def start(tell: Callable[[Progress], None], cancelled: Callable[[], bool]) -> Awaitable[goal_pose_pb2.GoalPose]:
-            return self._computing.run(lambda: self._solve(shape, wanted, tell, cancelled))
+            return self._computing.run(lambda: self._solve(shape, request, tell, cancelled))
 
         solving = Solving(start)
         self._solving[key] = solving
@@ -207,19 +226,19 @@ class GoalPoseApplication:
     def _solve(
         self,
         shape: Shape,
-        wanted: Wanted,
+        request: GoalPoseRequest,
         tell: Callable[[Progress], None],
         cancelled: Callable[[], bool],
     ) -> goal_pose_pb2.GoalPose:
         """In the compute thread."""
         with self._seconds.time():
             try:
-                result = self._synthesizer.synthesize(shape, _request(wanted), progress=tell, cancelled=cancelled)
+                result = self._synthesizer.synthesize(shape, request, progress=tell, cancelled=cancelled)
             except Cancelled:
                 raise ServiceError(CANCELLED) from None
             except RequestError as error:
                 raise ServiceError(INVALID_ARGUMENT, str(error), field=error.field) from error
-        return goal_pose_message(result)
+        return goal_pose_message(result, shape, request)
 
     def _key(self, wanted: Wanted) -> str:
         canonical = json.dumps([asdict(wanted), self._synthesizer.field_name], sort_keys=True)
@@ -255,18 +274,13 @@ class GoalPoseApplication:
         if not name:
             return ""
         reference = name.removeprefix("referencePoses/")
-        if reference not in self._synthesizer.references:
+        if reference not in self._synthesizer.references and self._own_references.get(reference) is None:
             known = ", ".join(self._synthesizer.references)
             raise ServiceError(REFERENCE_POSE_NOT_FOUND, f"no reference pose {name!r}: {known}", field="reference_pose")
         return reference
 
     def _action(self, request: goal_pose_pb2.SynthesizeRequest) -> str:
-        if request.reference_pose:
-            return ""
-        for name, number in ACTIONS.items():
-            if number == request.action:
-                return name
-        raise ServiceError(INVALID_ARGUMENT, "name a reference_pose, or the action SIT or LIE", field="action")
+        return "" if request.reference_pose else action_name(request.action)
 
     def _check_numbers(self, wanted: Wanted) -> None:
         if wanted.initial_yaw is not None and not abs(wanted.initial_yaw) < 1e4:
@@ -274,24 +288,48 @@ class GoalPoseApplication:
         if wanted.restarts > self.settings.max_restarts:
             detail = f"at most {self.settings.max_restarts}"
             raise ServiceError(INVALID_ARGUMENT, detail, field="restarts")
+        if wanted.count > self.settings.max_count:
+            raise ServiceError(INVALID_ARGUMENT, f"at most {self.settings.max_count}", field="count")
+        if wanted.solver == "paper" and (wanted.weights or wanted.constraints.given or wanted.count > 1):
+            detail = "solver paper has the published energy and gives one pose: no weights, constraints or count"
+            raise ServiceError(INVALID_ARGUMENT, detail, field="solver")
         if wanted.solver not in SOLVERS:
             detail = f"{wanted.solver!r} is not one of {', '.join(SOLVERS)}"
             raise ServiceError(INVALID_ARGUMENT, detail, field="solver")
 
     def _check_skeleton(self, request: goal_pose_pb2.SynthesizeRequest, wanted: Wanted) -> None:
-        pairs = self._synthesizer.references
-        ids = [pair.pose.skeleton.id for key, pair in pairs.items() if wanted.reference in ("", key)]
-        if request.skeleton_id and request.skeleton_id not in ids:
+        if request.skeleton_id and request.skeleton_id not in [skeleton.id for skeleton in self._skeletons()]:
             detail = f"no reference pose of {request.skeleton_id}"
             raise ServiceError(SKELETON_NOT_FOUND, detail, field="skeleton_id")
 
+    def _skeletons(self) -> list[Skeleton]:
+        """Those of the shipped reference poses, the default first."""
+        return list(dict.fromkeys(pair.pose.skeleton for pair in self._synthesizer.references.values()))
 
-def _request(wanted: Wanted) -> GoalPoseRequest:
-    return GoalPoseRequest(
-        reference=wanted.reference or None,
-        action=wanted.action or "sit",
-        initial_yaw=wanted.initial_yaw,
-        restarts=wanted.restarts,
-        seed=wanted.seed,
-        solver=wanted.solver,
-    )
+    def _own_skeleton(self, request: goal_pose_pb2.SynthesizeRequest) -> str:
+        """Keeps the skeleton that a request brings; its id, or ""."""
+        if not request.HasField("skeleton"):
+            return ""
+        try:
+            skeleton = skeleton_from_message(request.skeleton)
+            check_bones(skeleton)
+        except ValueError as error:
+            raise ServiceError(INVALID_ARGUMENT, str(error), field="skeleton") from error
+        self._own_skeletons.put(skeleton.id, skeleton)
+        return skeleton.id
+
+    def _request(self, wanted: Wanted) -> GoalPoseRequest:
+        own = self._own_references.get(wanted.reference)
+        return GoalPoseRequest(
+            reference=wanted.reference or None,
+            action=wanted.action or "sit",
+            initial_yaw=wanted.initial_yaw,
+            restarts=wanted.restarts,
+            seed=wanted.seed,
+            solver=wanted.solver,
+            count=wanted.count,
+            constraints=wanted.constraints,
+            weights=wanted.weights,
+            pair=own,
+            skeleton=self._own_skeletons.get(wanted.skeleton),
+        )

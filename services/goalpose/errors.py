@@ -16,7 +16,14 @@ REFERENCE_POSE_NOT_FOUND = ErrorKind(
     StatusCode.NOT_FOUND,
     404,
     "There is no such reference pose",
-    "Use a name from ListReferencePoses (GET /v1/reference-poses), or name an action and let the server choose.",
+    "Use a name from ListReferencePoses (GET /v1/reference-poses), create your own again, or name an action.",
+)
+REFERENCE_POSE_UNFIT = ErrorKind(
+    "REFERENCE_POSE_UNFIT",
+    StatusCode.INVALID_ARGUMENT,
+    422,
+    "The pose does not rest on the object",
+    "Give the pose in the object's world space (metres, Y up, see Object.object_to_world), where it touches its seat.",
 )
 JOB_NOT_FOUND = ErrorKind(
     "JOB_NOT_FOUND",
@@ -50,6 +57,7 @@ OBJECT_ERRORS: tuple[ErrorKind, ...] = tuple(_upload_kind(reason, title) for rea
 GOALPOSE_ERRORS: tuple[ErrorKind, ...] = (
     OBJECT_NOT_FOUND,
     REFERENCE_POSE_NOT_FOUND,
+    REFERENCE_POSE_UNFIT,
     JOB_NOT_FOUND,
     IDEMPOTENCY_KEY_REUSED,
     *OBJECT_ERRORS,

@@ -16,12 +16,13 @@ from serving.problems import problem
 from sse_starlette import EventSourceResponse
 from starlette.datastructures import UploadFile
 
-from goalpose.application import Answer, GoalPoseApplication, Wanted
+from goalpose.application import Answer, GoalPoseApplication
 from goalpose.errors import from_object_error
 from goalpose.jobs import Job, Jobs, JobState
 from goalpose.messages import progress_message
 from goalpose.objects import FORMATS, ObjectError, format_of
 from goalpose.objects.formats import sniff
+from goalpose.request_schemas import CreateReferencePoseJson, SynthesizeJson
 from goalpose.schemas import (
     GoalPoseJson,
     JobJson,
@@ -29,8 +30,8 @@ from goalpose.schemas import (
     ProgressJson,
     ReferencePoseJson,
     ReferencePosesJson,
-    SynthesizeJson,
 )
+from goalpose.wanted import Wanted
 
 log = get_log("goalpose.http")
 
@@ -115,6 +116,10 @@ def goalpose_router(application: Callable[[], GoalPoseApplication], jobs: Callab
     ) -> ReferencePosesJson:
         poses = application().reference_poses(include_points=include_points)
         return ReferencePosesJson(reference_poses=[ReferencePoseJson.of(pose) for pose in poses])
+
+    @router.post("/reference-poses", status_code=201, summary="Put a reference pose of your own on an uploaded object")
+    async def create_reference_pose(body: CreateReferencePoseJson) -> ReferencePoseJson:
+        return ReferencePoseJson.of(application().create_reference(body.message()))
 
     _add_goal_poses(router, application, jobs)
     _add_jobs(router, jobs)

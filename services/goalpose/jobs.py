@@ -14,9 +14,10 @@ from serving.cache import RecentCache
 from serving.errors import INTERNAL, ServiceError
 from serving.logs import get_log
 
-from goalpose.application import Answer, GoalPoseApplication, Wanted
+from goalpose.application import Answer, GoalPoseApplication
 from goalpose.errors import IDEMPOTENCY_KEY_REUSED, JOB_NOT_FOUND
 from goalpose.progress import Progress
+from goalpose.wanted import Wanted
 
 log = get_log("goalpose.jobs")
 

@@ -1,15 +1,21 @@
 """Between the protocol's messages and this service's own types."""
 
+from collections.abc import Mapping
+
 import numpy as np
+from character.body import body_capsules
 from character.pose import Pose
 from character.wire import pack_float32
 from roam.v1 import goal_pose_pb2, skeleton_pb2
+from serving.skeletons import skeleton_message
 
+from goalpose.diagnostics import PoseWarning
 from goalpose.objects import Shape
 from goalpose.objects.axes import ROTATIONS
 from goalpose.progress import Progress
+from goalpose.quality import PoseQuality, quality_of
 from goalpose.references import ReferencePair
-from goalpose.synthesis import GoalPoseResult
+from goalpose.synthesis import GoalPoseRequest, GoalPoseResult, RankedPose
 
 ACTIONS = {"sit": skeleton_pb2.ACTION_SIT, "lie": skeleton_pb2.ACTION_LIE}
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
@@ -78,17 +84,53 @@ def progress_message(progress: Progress) -> goal_pose_pb2.Progress:
     )
 
 
-def goal_pose_message(result: GoalPoseResult) -> goal_pose_pb2.GoalPose:
-    """An answer."""
+def goal_pose_message(result: GoalPoseResult, shape: Shape, request: GoalPoseRequest) -> goal_pose_pb2.GoalPose:
+    """The answer to `request` on the object `shape`."""
+    message, *others = [_ranked_message(ranked, quality_of(ranked, shape, request)) for ranked in result.poses]
+    message.name = result.name
+    message.object = result.object
+    message.floor_height = result.floor_height
+    message.alternatives.extend(others)
+    if request.skeleton is not None:
+        own = skeleton_message(request.skeleton, body_capsules(request.skeleton))
+        message.skeleton.CopyFrom(own.skeleton)
+    return message
+
+
+def _ranked_message(ranked: RankedPose, quality: PoseQuality) -> goal_pose_pb2.GoalPose:
     return goal_pose_pb2.GoalPose(
-        name=result.name,
-        pose=pose_message(result.pose),
-        energies={key: float(value) for key, value in result.energies.items()},
-        diagnostics={key: float(value) for key, value in result.diagnostics.items()},
-        warnings=[goal_pose_pb2.Warning(reason=w.reason, message=w.message, remedy=w.remedy) for w in result.warnings],
-        object=result.object,
-        reference_pose=f"referencePoses/{result.reference}",
-        action=ACTIONS[result.action],
-        joint_positions=pack_float32(result.pose.positions()),
-        floor_height=result.floor_height,
+        pose=pose_message(ranked.pose),
+        energies=_plain(ranked.energies),
+        diagnostics=_plain(ranked.diagnostics),
+        warnings=[_warning(warning) for warning in ranked.warnings],
+        reference_pose=f"referencePoses/{ranked.reference}",
+        action=ACTIONS[ranked.action],
+        joint_positions=pack_float32(ranked.pose.positions()),
+        quality=quality_message(quality),
+        place=ranked.place,
+    )
+
+
+def _plain(values: Mapping[str, float]) -> dict[str, float]:
+    return {key: float(value) for key, value in values.items()}
+
+
+def _warning(warning: PoseWarning) -> goal_pose_pb2.Warning:
+    return goal_pose_pb2.Warning(reason=warning.reason, message=warning.message, remedy=warning.remedy)
+
+
+def quality_message(quality: PoseQuality) -> goal_pose_pb2.PoseQuality:
+    """How good a pose is."""
+    return goal_pose_pb2.PoseQuality(
+        descriptor_residual=quality.descriptor_residual,
+        penetration_depth=quality.penetration_depth,
+        penetration_volume=quality.penetration_volume,
+        bone_penetrations=[
+            goal_pose_pb2.BonePenetration(bone=bone.bone, depth=bone.depth, volume=bone.volume)
+            for bone in quality.penetrations
+        ],
+        hip_seat_distance=quality.hip_seat_distance,
+        contacts_met=quality.contacts_met,
+        floor_distance=quality.floor_distance,
+        joint_limit_use=quality.joint_limit_use,
     )

@@ -1,5 +1,6 @@
 """Reference pose-object pairs: what the optimisation adapts (paper section 3.1). Files: examples/references/."""
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,19 @@ class ReferencePair:
     categories: tuple[str, ...]  # kinds of furniture that it is typical for
     pose: Pose
     shape: Shape
+
+
+def own_pair(shape: Shape, pose: Pose, *, action: str, title: str) -> ReferencePair:
+    """A pair of the caller's own; its id "sha256:…" is a hash of object, pose and action."""
+    digest = hashlib.sha256(json.dumps([shape.name, pose.skeleton.id, action]).encode())
+    digest.update(np.ascontiguousarray(pose.root_position, "<f4").tobytes())
+    digest.update(np.ascontiguousarray(pose.rotations, "<f4").tobytes())
+    return ReferencePair(f"sha256:{digest.hexdigest()}", title, action, (), pose, shape)
+
+
+def distance_to_object(pair: ReferencePair) -> float:
+    """From the hips joint to the object's surface [m]; 0 inside."""
+    return max(0.0, float(pair.shape.distance.sample(pair.pose.root_position)))
 
 
 def load_reference(path: Path) -> ReferencePair:

@@ -65,6 +65,13 @@ class GoalPoseServicer(goal_pose_pb2_grpc.GoalPoseServiceServicer):
         poses = self._application().reference_poses(include_points=request.include_points)
         return goal_pose_pb2.ListReferencePosesResponse(reference_poses=poses)
 
+    async def CreateReferencePose(
+        self, request: goal_pose_pb2.CreateReferencePoseRequest, context: Any
+    ) -> goal_pose_pb2.CreateReferencePoseResponse:
+        """Puts a reference pose of the caller's own."""
+        found = self._application().create_reference(request)
+        return goal_pose_pb2.CreateReferencePoseResponse(reference_pose=found)
+
 
 def add_to(server: grpc.aio.Server, application: Callable[[], GoalPoseApplication]) -> tuple[str, ...]:
     """Adds the service to a server; returns its full name."""

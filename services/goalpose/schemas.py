@@ -1,26 +1,18 @@
-"""JSON of the goal pose service: what HTTP takes and gives. Arrays are nested lists; metres, radians, xyzw."""
+"""JSON of the goal pose service: what HTTP gives. Arrays are nested lists; metres, radians, xyzw."""
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from character.wire import pack_float32
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from roam.v1 import goal_pose_pb2, skeleton_pb2
 from serving.problems import problem
 
 from goalpose.jobs import Job
 from goalpose.messages import ACTIONS, progress_message
-
-Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]  # nothing sensible is larger, float32 holds it
-Point = Annotated[list[Number], Field(min_length=3, max_length=3)]
+from goalpose.request_schemas import SkeletonJson, rows
 
 _ACTION_NAMES = {number: name for name, number in ACTIONS.items()}
-
-
-def _rows(data: bytes, width: int) -> list[list[float]]:
-    rows: list[list[float]] = np.frombuffer(data, "<f4").reshape(-1, width).tolist()
-    return rows
 
 
 class WarningJson(BaseModel):
@@ -48,8 +40,8 @@ class PoseJson(BaseModel):
         """From the protocol."""
         return PoseJson(
             skeleton_id=message.skeleton_id,
-            root_position=_rows(message.root_position, 3)[0],
-            rotations=_rows(message.rotations, 4),
+            root_position=rows(message.root_position, 3)[0],
+            rotations=rows(message.rotations, 4),
         )
 
 
@@ -82,66 +74,93 @@ class ObjectJson(BaseModel):
         )
 
 
-class SynthesizeJson(BaseModel):
-    """Body of POST /v1/goal-poses: `object` or `points`, and `reference_pose` or `action`."""
+class BonePenetrationJson(BaseModel):
+    """How deep one bone's capsule lies in the object."""
 
-    model_config = ConfigDict(extra="forbid")
+    bone: str
+    depth: float = Field(description="[m]")
+    volume: float = Field(description="[m³]")
 
-    object: str = Field("", description="name from POST /v1/objects")
-    points: list[Point] | None = Field(None, description="surface points [m], +Y up, instead of an object")
-    reference_pose: str = Field("", description="referencePoses/{id}, or the id alone")
-    action: Literal["sit", "lie"] | None = Field(None, description="let the server choose the reference pose")
-    initial_yaw: Number | None = Field(None, description="first initial heading [rad]")
-    restarts: int = Field(0, ge=0, lt=1 << 31, description="initial headings tried; 0: server default")
-    seed: int = Field(0, ge=0, lt=1 << 63, description="same request, same seed, same bytes")
-    solver: str = Field("", description="default or paper")
-    skeleton_id: str = ""
 
-    def message(self) -> goal_pose_pb2.SynthesizeRequest:
-        """As the protocol tells it."""
-        request = goal_pose_pb2.SynthesizeRequest(
-            object=self.object,
-            points=pack_float32(np.array(self.points, np.float32)) if self.points else b"",
-            reference_pose=self.reference_pose,
-            restarts=self.restarts,
-            seed=self.seed,
-            initial_yaw=self.initial_yaw,
-            solver=self.solver,
-            skeleton_id=self.skeleton_id,
+class PoseQualityJson(BaseModel):
+    """How good a pose is, measured with the stand-in body."""
+
+    descriptor_residual: float | None = Field(description="difference from the reference's; null without the term")
+    penetration_depth: float = Field(description="of the deepest capsule [m]")
+    penetration_volume: float = Field(description="[m³]")
+    bone_penetrations: list[BonePenetrationJson]
+    hip_seat_distance: float = Field(description="height of the hips over the seat against the reference's [m]")
+    contacts_met: float = Field(description="share of the reference's contacts")
+    floor_distance: float | None = Field(description="of the worse sole [m]; null where the reference's feet hang")
+    joint_limit_use: float = Field(description="of the most bent joint; 1 is the limit")
+
+    @staticmethod
+    def of(message: goal_pose_pb2.PoseQuality) -> "PoseQualityJson":
+        """From the protocol."""
+        return PoseQualityJson(
+            descriptor_residual=message.descriptor_residual if message.HasField("descriptor_residual") else None,
+            penetration_depth=message.penetration_depth,
+            penetration_volume=message.penetration_volume,
+            bone_penetrations=[
+                BonePenetrationJson(bone=bone.bone, depth=bone.depth, volume=bone.volume)
+                for bone in message.bone_penetrations
+            ],
+            hip_seat_distance=message.hip_seat_distance,
+            contacts_met=message.contacts_met,
+            floor_distance=message.floor_distance if message.HasField("floor_distance") else None,
+            joint_limit_use=message.joint_limit_use,
         )
-        if self.action is not None:
-            request.action = ACTIONS[self.action]
-        return request
 
 
-class GoalPoseJson(BaseModel):
-    """An answer."""
+class RankedPoseJson(BaseModel):
+    """A pose on the object and how good it is."""
 
-    name: str = Field(description="goalPoses/sha256:…")
-    object: str
     reference_pose: str
     action: str
     pose: PoseJson
     joint_positions: list[list[float]] = Field(description="world joint positions [m]")
     energies: dict[str, float] = Field(description="every term, weighted, and their sum as total")
-    diagnostics: dict[str, float] = Field(description="how good the pose is; see proto/README.md")
-    floor_height: float = Field(description="the floor that the pose stands on [m]")
+    diagnostics: dict[str, float] = Field(description="further measures; see proto/README.md")
+    quality: PoseQualityJson
+    place: list[float] = Field(description="where on the object's surface the person is [m]")
     warnings: list[WarningJson]
+
+    @staticmethod
+    def of(message: goal_pose_pb2.GoalPose) -> "RankedPoseJson":
+        """From the protocol."""
+        return RankedPoseJson(
+            reference_pose=message.reference_pose,
+            action=_ACTION_NAMES[message.action],
+            pose=PoseJson.of(message.pose),
+            joint_positions=rows(message.joint_positions, 3),
+            energies=dict(message.energies),
+            diagnostics=dict(message.diagnostics),
+            quality=PoseQualityJson.of(message.quality),
+            place=list(message.place),
+            warnings=[WarningJson.of(warning) for warning in message.warnings],
+        )
+
+
+class GoalPoseJson(RankedPoseJson):
+    """An answer: the best pose, and others where more were asked for."""
+
+    name: str = Field(description="goalPoses/sha256:…")
+    object: str
+    floor_height: float = Field(description="the floor that the pose stands on [m]")
+    alternatives: list[RankedPoseJson] = Field(description="the next best, best first")
+    skeleton: SkeletonJson | None = Field(description="of the poses, when the request brought its own")
 
     @staticmethod
     def of(message: goal_pose_pb2.GoalPose) -> "GoalPoseJson":
         """From the protocol."""
+        best = RankedPoseJson.of(message)
         return GoalPoseJson(
+            **{name: getattr(best, name) for name in RankedPoseJson.model_fields},
             name=message.name,
             object=message.object,
-            reference_pose=message.reference_pose,
-            action=_ACTION_NAMES[message.action],
-            pose=PoseJson.of(message.pose),
-            joint_positions=_rows(message.joint_positions, 3),
-            energies=dict(message.energies),
-            diagnostics=dict(message.diagnostics),
             floor_height=message.floor_height,
-            warnings=[WarningJson.of(warning) for warning in message.warnings],
+            alternatives=[RankedPoseJson.of(other) for other in message.alternatives],
+            skeleton=SkeletonJson.of(message.skeleton) if message.HasField("skeleton") else None,
         )
 
 
@@ -208,7 +227,7 @@ class ReferencePoseJson(BaseModel):
             title=message.title,
             action=_ACTION_NAMES[message.action],
             pose=PoseJson.of(message.pose),
-            object_points=_rows(message.object_points, 3) if message.object_points else None,
+            object_points=rows(message.object_points, 3) if message.object_points else None,
         )
 
 

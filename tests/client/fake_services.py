@@ -78,6 +78,7 @@ class GoalPoses(goal_pose_pb2_grpc.GoalPoseServiceServicer):
     def __init__(self) -> None:
         self.uploads: list[goal_pose_pb2.UploadObjectRequest] = []
         self.requests: list[goal_pose_pb2.SynthesizeRequest] = []
+        self.created: list[goal_pose_pb2.CreateReferencePoseRequest] = []
         self.floor = 0.25
         self.slow = threading.Event()  # set: ListReferencePoses waits for the caller to give up
 
@@ -133,6 +134,10 @@ class GoalPoses(goal_pose_pb2_grpc.GoalPoseServiceServicer):
             abort(context, grpc.StatusCode.NOT_FOUND, "no reference pose nobody", "REFERENCE_POSE_NOT_FOUND")
         if request.solver == "busy":
             abort(context, grpc.StatusCode.RESOURCE_EXHAUSTED, "the queue is full", "QUEUE_FULL", retry_after=3)
+        if request.weights.get("charm"):
+            abort(
+                context, grpc.StatusCode.INVALID_ARGUMENT, "there is no term charm", "INVALID_ARGUMENT", field="weights"
+            )
         root = np.array([0.0, self.floor + 0.5, 0.1], np.float32)
         for iteration in range(3):
             yield goal_pose_pb2.SynthesizeResponse(
@@ -145,18 +150,39 @@ class GoalPoses(goal_pose_pb2_grpc.GoalPoseServiceServicer):
                     pose=pose_at(*root) if iteration else None,
                 )
             )
-        yield goal_pose_pb2.SynthesizeResponse(
-            goal_pose=goal_pose_pb2.GoalPose(
-                name="goalPoses/sha256:def",
-                pose=pose_at(*root),
-                energies={"descriptor": 0.5, "total": 0.5},
-                diagnostics={"hip_seat_distance": 0.03, "penetration_depth": 0.01, "floor_distance": 0.0},
-                object=request.object,
-                reference_pose=request.reference_pose or "referencePoses/chair_sit",
-                action=request.action,
-                joint_positions=f4(positions_of(root)),
-                floor_height=self.floor,
-            )
+        aside = np.array([0.5, 0.0, 0.0], np.float32)
+        best, *others = [self._goal_pose(request, root + rank * aside) for rank in range(request.count or 1)]
+        best.name, best.object, best.floor_height = "goalPoses/sha256:def", request.object, self.floor
+        best.alternatives.extend(others)
+        if request.HasField("skeleton"):
+            best.skeleton.CopyFrom(request.skeleton)
+        yield goal_pose_pb2.SynthesizeResponse(goal_pose=best)
+
+    def CreateReferencePose(self, request, context):
+        self.created.append(request)
+        pose = goal_pose_pb2.ReferencePose(
+            name="referencePoses/sha256:own", title=request.title, action=request.action, pose=request.pose
+        )
+        return goal_pose_pb2.CreateReferencePoseResponse(reference_pose=pose)
+
+    def _goal_pose(self, request, root):
+        return goal_pose_pb2.GoalPose(
+            pose=pose_at(*root),
+            energies={"descriptor": 0.5, "total": 0.5},
+            diagnostics={"hip_seat_distance": 0.03, "penetration_depth": 0.01, "floor_distance": 0.0},
+            quality=goal_pose_pb2.PoseQuality(
+                penetration_depth=0.01,
+                penetration_volume=0.002,
+                bone_penetrations=[goal_pose_pb2.BonePenetration(bone="hips", depth=0.01, volume=0.002)],
+                hip_seat_distance=0.03,
+                contacts_met=0.75,
+                floor_distance=0.0,
+                joint_limit_use=0.5,
+            ),
+            place=[0, self.floor + 0.4, 0.1],
+            reference_pose=request.reference_pose or "referencePoses/chair_sit",
+            action=request.action,
+            joint_positions=f4(positions_of(root)),
         )
 
 

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from fake_services import Fake
-from roam_client import Action, AsyncClient, Client, FormatError, Progress
+from roam_client import Action, AsyncClient, Client, FormatError, InvalidRequestError, Pose, PoseWishes, Progress
 from roam_client.goal_poses import synthesize_request
 
 
@@ -107,3 +107,49 @@ async def test_the_async_twin_answers_the_same(fake: Fake, client: Client):
         assert len(await twin.reference_poses()) == 1
     same = client.synthesize(client.upload(b"v", format="obj"))
     np.testing.assert_array_equal(goal.joint_positions, same.joint_positions)
+
+
+def test_wishes_travel_with_the_request(client: Client, fake: Fake):
+    wishes = PoseWishes(seat_point=(1, 2, 3), facing=0.5, right_hand=(4, 5, 6), weights={"prior": 0.0})
+    client.synthesize("objects/sha256:abc", wishes=wishes, count=3)
+    request = fake.goal_poses.requests[-1]
+    assert (list(request.constraints.seat_point), request.constraints.facing) == ([1, 2, 3], 0.5)
+    assert [(t.hand, list(t.position)) for t in request.constraints.hand_targets] == [(2, [4, 5, 6])]
+    assert (dict(request.weights), request.count) == ({"prior": 0.0}, 3)
+    assert not synthesize_request("x").constraints.HasField("facing")
+
+
+def test_alternatives_are_goal_poses_of_the_same_object(client: Client):
+    goal = client.synthesize("objects/sha256:abc", count=3)
+    assert [float(other.root_position[0]) for other in goal.alternatives] == [0.5, 1.0]
+    for other in goal.alternatives:
+        assert (other.object, other.floor_height) == (goal.object, goal.floor_height)
+    assert goal.quality.bone_penetrations[0].bone == "hips"
+    assert goal.quality.descriptor_residual is None
+    assert goal.quality.floor_distance == 0.0
+    assert goal.place == pytest.approx((0, 0.65, 0.1))
+
+
+def test_a_taller_person_comes_back_with_their_own_skeleton(client: Client, fake: Fake):
+    tall = client.skeleton().sized(1.25)
+    goal = client.synthesize("objects/sha256:abc", wishes=PoseWishes(skeleton=tall))
+    np.testing.assert_allclose(goal.skeleton.rest_offsets, 1.25 * client.skeleton().rest_offsets, rtol=1e-6)
+    assert fake.goal_poses.requests[-1].skeleton.id == ""
+
+
+def test_unknown_terms_are_refused_by_field(client: Client):
+    with pytest.raises(InvalidRequestError) as caught:
+        client.synthesize("objects/sha256:abc", wishes=PoseWishes(weights={"charm": 1.0}))
+    assert caught.value.fields[0].field == "weights"
+
+
+async def test_a_pose_of_ones_own_becomes_a_reference(client: Client, fake: Fake):
+    goal = client.synthesize("objects/sha256:abc")
+    own = Pose("", goal.root_position, goal.rotations)
+    made = client.create_reference("objects/sha256:abc", own, action=Action.LIE, title="mine")
+    assert (made.name, made.action, made.title) == ("referencePoses/sha256:own", Action.LIE, "mine")
+    async with AsyncClient(goalpose=fake.address) as other:
+        await other.create_reference("objects/sha256:abc", own)
+    assert [request.action for request in fake.goal_poses.created] == [Action.LIE, Action.SIT]
+    client.synthesize("objects/sha256:abc", reference=made.id)
+    assert fake.goal_poses.requests[-1].reference_pose == made.name

@@ -44,6 +44,38 @@ def test_pose_writes_every_file_it_is_asked_for(fake: Fake, chair: Path, tmp_pat
     assert b'"object"' in files[2].read_bytes()
 
 
+def test_pose_passes_wishes_on_and_writes_every_alternative(fake: Fake, chair: Path, tmp_path: Path):
+    wishes = ["--seat", "0.1,0.4,-0.2", "--facing", 90, "--left-hand=-0.3,0.7,0", "--weight", "prior=0", "--count", 2]
+    out = tmp_path / "pose.npz"
+    result = roam("pose", chair, "--server", fake.address, "--json", "-o", out, "--height", 1.69, *wishes)
+    assert result.exit_code == 0, result.output
+    request = fake.goal_poses.requests[-1]
+    assert list(request.constraints.seat_point) == [0.1, 0.4, -0.2]
+    assert request.constraints.facing == pytest.approx(np.pi / 2)
+    assert request.constraints.hand_targets[0].position[0] == -0.3
+    assert (dict(request.weights), request.count) == ({"prior": 0.0}, 2)
+    assert request.skeleton.joint_names[0] == "hips"
+    answer = json.loads(result.stdout)
+    assert answer["files"] == [str(out), str(tmp_path / "pose-2.npz")]
+    assert len(answer["alternatives"]) == 1
+    assert answer["quality"]["contacts_met"] == 0.75
+
+
+def test_pose_adapts_a_pose_of_ones_own(fake: Fake, chair: Path, tmp_path: Path):
+    saved = tmp_path / "mine.npz"
+    assert roam("pose", chair, "--server", fake.address, "-o", saved).exit_code == 0
+    result = roam("pose", chair, "--server", fake.address, "--like", saved, "--like-object", chair)
+    assert result.exit_code == 0, result.output
+    assert fake.goal_poses.created[-1].title == "mine"
+    assert fake.goal_poses.requests[-1].reference_pose == "referencePoses/sha256:own"
+
+
+@pytest.mark.parametrize("wish", [["--seat", "1,2"], ["--weight", "prior"], ["--like", __file__], ["--seat", "a,b,c"]])
+def test_pose_refuses_wishes_that_cannot_be_read(fake: Fake, chair: Path, wish: list[str]):
+    assert roam("pose", chair, "--server", fake.address, *wish).exit_code == 2
+    assert fake.goal_poses.requests == []
+
+
 def test_sit_walks_from_three_metres_in_front_and_saves(fake: Fake, chair: Path, tmp_path: Path):
     files = [tmp_path / f"sit{ending}" for ending in (".npz", ".glb", ".bvh")]
     options = [text for path in files for text in ("-o", path)]

@@ -140,6 +140,7 @@ def request_vectors() -> dict[str, Vector]:
 
 
 def goal_pose_vectors() -> dict[str, Vector]:
+    positions = (OFFSETS + POSITION).astype("<f4").tobytes()
     goal_pose = goal_pose_pb2.GoalPose(
         name="goalPoses/x",
         pose=pose(),
@@ -149,8 +150,34 @@ def goal_pose_vectors() -> dict[str, Vector]:
         object="objects/y",
         reference_pose="referencePoses/chair_sit",
         action=skeleton_pb2.ACTION_SIT,
-        joint_positions=(OFFSETS + POSITION).astype("<f4").tobytes(),
+        joint_positions=positions,
         floor_height=-0.125,
+        quality=goal_pose_pb2.PoseQuality(
+            penetration_depth=0.0625,
+            penetration_volume=0.0009765625,
+            bone_penetrations=[goal_pose_pb2.BonePenetration(bone="hips", depth=0.0625, volume=0.0009765625)],
+            hip_seat_distance=0.015625,
+            contacts_met=0.75,
+            floor_distance=0.0,  # measured, and 0: sent, because absent means something else
+            joint_limit_use=0.5,
+        ),
+        place=[1.5, 0.75, -2.25],
+        alternatives=[
+            goal_pose_pb2.GoalPose(pose=pose(), joint_positions=(OFFSETS + POSITION).astype("<f4").tobytes())
+        ],
+    )
+    request = goal_pose_pb2.SynthesizeRequest(
+        object="objects/y",
+        action=skeleton_pb2.ACTION_SIT,
+        seed=0,
+        count=2,
+        constraints=goal_pose_pb2.PoseConstraints(
+            seat_point=[1.5, 0.75, -2.25],
+            facing=0.0,
+            hand_targets=[goal_pose_pb2.HandTarget(hand=goal_pose_pb2.HAND_RIGHT, position=[1.25, 1.0, -2.0])],
+        ),
+        weights={"descriptor": 0.0},
+        skeleton=skeleton(),
     )
     transform = np.diag([0.01, 0.01, 0.01, 1.0]).ravel().tolist()
     found = goal_pose_pb2.Object(
@@ -169,7 +196,9 @@ def goal_pose_vectors() -> dict[str, Vector]:
         stage=2, stage_name="joints", iteration=30, iteration_count=100, energy=0.5, pose=pose()
     )
     arrays = _under("goal_pose.pose") | {"goal_pose.joint_positions": ("<f4", (JOINTS, 3))}
+    own = {"skeleton.rest_offsets": ("<f4", (JOINTS, 3)), "skeleton.rest_rotations": ("<f4", (JOINTS, 4))}
     return {
+        "synthesize": Vector(request, own),
         "goal_pose": Vector(goal_pose_pb2.SynthesizeResponse(goal_pose=goal_pose), arrays),
         "progress": Vector(goal_pose_pb2.SynthesizeResponse(progress=progress), _under("progress.pose")),
         "object": Vector(goal_pose_pb2.UploadObjectResponse(object=found), {}),

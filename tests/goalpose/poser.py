@@ -12,7 +12,7 @@ from goalpose.diagnostics import PoseWarning
 from goalpose.objects import load_shape
 from goalpose.progress import Cancelled, Progress
 from goalpose.references import ReferencePair
-from goalpose.synthesis import GoalPoseResult
+from goalpose.synthesis import GoalPoseResult, RankedPose
 
 
 def box_file(size: float = 0.5) -> bytes:
@@ -48,23 +48,42 @@ class Poser:
 
     def synthesize(self, shape, request, *, progress=None, cancelled=None):
         self.runs.append(request)
-        chosen = self.references[request.reference or ("chair_sit" if request.action == "sit" else "sofa_lie")]
+        chosen = (
+            request.pair
+            or self.references[request.reference or ("chair_sit" if request.action == "sit" else "sofa_lie")]
+        )
         progress(Progress(0, 0, 10, 0.0, None))
         while self.gate is not None and not self.gate.wait(0.005):
             if cancelled():
                 self.stopped.set()
                 raise Cancelled
-        pose = chosen.pose.moved(np.array(shape.bounds.mean(0), np.float32))
+        pose = rest_pose(request.skeleton) if request.skeleton else chosen.pose
+        pose = pose.moved(np.array(shape.bounds.mean(0), np.float32))
+        warnings = (PoseWarning("DEEP_PENETRATION", "It stands in the box.", "Use a real synthesizer."),)
+        ranked = [
+            RankedPose(
+                pose=pose.turned(float(rank)),
+                place=(0.0, float(shape.bounds[1, 1]), 0.0),
+                reference=chosen.id,
+                action=chosen.action,
+                energies={"descriptor": 1.0, "total": 1.0 + rank},
+                diagnostics={"penetration_depth": 0.25, "hip_seat_distance": 0.125, "contacts_met": 0.5},
+                bone_depths={"leftFoot": 0.25},
+                warnings=warnings,
+            )
+            for rank in range(request.count)
+        ]
         return GoalPoseResult(
             name=f"goalPoses/sha256:{request.seed:064x}",
             pose=pose,
-            energies={"descriptor": 1.0, "total": 1.0},
-            diagnostics={"penetration_depth": 0.25},
-            warnings=(PoseWarning("DEEP_PENETRATION", "It stands in the box.", "Use a real synthesizer."),),
+            energies=ranked[0].energies,
+            diagnostics=ranked[0].diagnostics,
+            warnings=warnings,
             reference=chosen.id,
             action=chosen.action,
             floor_height=shape.floor_height,
             object=shape.name,
             seconds=0.0,
             candidates=(),
+            poses=tuple(ranked),
         )

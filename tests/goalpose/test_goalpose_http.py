@@ -9,7 +9,9 @@ import numpy as np
 import psutil
 import pytest
 import trimesh
+from character.skeleton import humanoid_skeleton
 from goalpose.app import GoalPoseService
+from goalpose.energy.weights import DEFAULT
 from goalpose.settings import GoalPoseSettings
 from goalpose.synthesis import Synthesizer
 from poser import box_file
@@ -243,3 +245,106 @@ async def test_uploads_are_read_in_a_child_process(monkeypatch, poser):
         refused = await upload(client, content=b"?", params={"format": "glb"})
         assert refused.json()["reason"] == "OBJECT_MALFORMED"
     assert not any(child.is_running() for child in children)
+
+
+def skeleton_json(scale=1.0):
+    """The default skeleton, scaled, as a request brings it."""
+    skeleton = humanoid_skeleton()
+    return {
+        "joint_names": list(skeleton.joint_names),
+        "parents": list(skeleton.parents),
+        "rest_offsets": (scale * skeleton.rest_offsets).tolist(),
+        "humanoid_bones": list(skeleton.humanoid_bones),
+        "tips": [{"name": t.name, "joint": t.parent, "offset": [scale * x for x in t.offset]} for t in skeleton.tips],
+    }
+
+
+async def test_several_poses_with_their_quality(client):
+    answer = (
+        await client.post("/v1/goal-poses", json={"object": await box(client), "action": "sit", "count": 3})
+    ).json()
+    assert len(answer["alternatives"]) == 2
+    assert answer["alternatives"][1]["energies"]["total"] == pytest.approx(3.0)
+    assert answer["place"] == pytest.approx([0, 0.25, 0], abs=1e-3)
+    quality = answer["quality"]
+    assert quality["penetration_depth"] == 0.25
+    assert [bone["bone"] for bone in quality["bone_penetrations"]] == ["leftFoot"]
+    assert 0 < quality["penetration_volume"] == quality["bone_penetrations"][0]["volume"] < 0.02
+    assert quality["descriptor_residual"] == pytest.approx(1.0 / DEFAULT.descriptor)
+    assert quality["floor_distance"] is None
+
+
+async def test_wishes_reach_the_solver(client, poser):
+    wishes = {"seat_point": [0.1, 0.4, 0], "facing": 1.5, "hand_targets": {"left": [0.3, 0.7, 0.1]}}
+    body = {"object": await box(client), "action": "sit", "constraints": wishes, "weights": {"prior": 0}}
+    assert (await client.post("/v1/goal-poses", json=body)).status_code == 200
+    asked = poser.runs[-1]
+    assert asked.constraints.seat_point == (0.1, 0.4, 0)
+    assert asked.constraints.facing == 1.5
+    assert asked.constraints.hands == (("left", pytest.approx((0.3, 0.7, 0.1))),)
+    assert asked.weights == (("prior", 0.0),)
+
+
+async def test_a_person_of_other_proportions(client, poser):
+    body = {"object": await box(client), "action": "sit", "skeleton": skeleton_json(1.2)}
+    answer = (await client.post("/v1/goal-poses", json=body)).json()
+    assert poser.runs[-1].skeleton.rest_offsets[1] == pytest.approx(1.2 * humanoid_skeleton().rest_offsets[1])
+    assert answer["skeleton"]["rest_offsets"][1] == pytest.approx(1.2 * humanoid_skeleton().rest_offsets[1], abs=1e-5)
+    assert answer["pose"]["skeleton_id"] == poser.runs[-1].skeleton.id
+
+
+async def own_reference(client, place, **changes):
+    skeleton = humanoid_skeleton()
+    rotations = [[0, 0, 0, 2]] * skeleton.joint_count  # normalised by the server
+    body = {"object": place, "pose": {"root_position": [0, 0.35, 0], "rotations": rotations}, "action": "lie"}
+    return await client.post("/v1/reference-poses", json=body | changes)
+
+
+async def test_a_pose_of_ones_own_is_a_reference(client, poser):
+    object = await box(client)
+    made = await own_reference(client, object, title="mine")
+    assert made.status_code == 201, made.text
+    name = made.json()["name"]
+    assert name == (await own_reference(client, object)).json()["name"]  # a content hash, whatever the title
+    answer = (await client.post("/v1/goal-poses", json={"object": object, "reference_pose": name})).json()
+    assert (answer["reference_pose"], answer["action"]) == (name, "lie")
+    assert poser.runs[-1].pair.pose.rotations[0].tolist() == [0, 0, 0, 1]
+    listed = (await client.get("/v1/reference-poses")).json()["reference_poses"]
+    assert name not in [pose["name"] for pose in listed]  # other callers need not see it
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "reason", "field"),
+    [
+        ({"pose": {"root_position": [0, 2, 0], "rotations": [[0, 0, 0, 1]] * 22}}, 422, "REFERENCE_POSE_UNFIT", "pose"),
+        ({"pose": {"root_position": [0, 0, 0], "rotations": [[0, 0, 0, 1]] * 3}}, 400, "INVALID_ARGUMENT", "pose"),
+        ({"pose": {"root_position": [0, 0, 0], "rotations": [[0, 0, 0, 0]] * 22}}, 400, "INVALID_ARGUMENT", "pose"),
+        ({"object": "objects/sha256:0"}, 404, "OBJECT_NOT_FOUND", "object"),
+    ],
+)
+async def test_a_reference_that_cannot_be_says_why(client, changes, status, reason, field):
+    response = await own_reference(client, await box(client), **changes)
+    problem = response.json()
+    assert (response.status_code, problem["reason"]) == (status, reason), problem
+    assert problem["errors"][0]["field"] == field
+
+
+@pytest.mark.parametrize(
+    ("wish", "field"),
+    [
+        ({"count": 17}, "count"),
+        ({"weights": {"charm": 1}}, "weights"),
+        ({"weights": {"prior": -1}}, "weights"),
+        ({"constraints": {"seat_point": [1e6, 0, 0]}}, "constraints"),
+        ({"skeleton": skeleton_json() | {"humanoid_bones": [""] * 22}}, "skeleton"),
+        ({"skeleton": skeleton_json() | {"parents": [-1] * 22}}, "skeleton"),
+        ({"solver": "paper", "count": 2}, "solver"),
+        ({"solver": "paper", "constraints": {"facing": 1}}, "solver"),
+    ],
+)
+async def test_wishes_that_cannot_be_meant_name_their_field(client, wish, field):
+    body = {"object": await box(client), "action": "sit"} | wish
+    response = await client.post("/v1/goal-poses", json=body)
+    problem = response.json()
+    assert (response.status_code, problem["reason"]) == (400, "INVALID_ARGUMENT"), problem
+    assert problem["errors"][0]["field"] == field

@@ -140,3 +140,30 @@ async def test_reference_poses_and_server_info(channel, stub):
     assert list(info.services) == ["goalpose"]
     assert dict(info.models) == {"field": "sha256:poser"}
     assert info.limits["max_upload_bytes"] == 200_000
+
+
+async def test_a_reference_of_ones_own_and_a_constrained_pose_on_it(stub, poser):
+    place = await box(stub)
+    skeleton = poser.references["chair_sit"].pose.skeleton
+    rotations = np.tile(np.array([0, 0, 0, 1], "<f4"), (skeleton.joint_count, 1)).tobytes()
+    pose = skeleton_pb2.Pose(root_position=np.array([0, 0.3, 0], "<f4").tobytes(), rotations=rotations)
+    request = goal_pose_pb2.CreateReferencePoseRequest(object=place.name, pose=pose, action=skeleton_pb2.ACTION_SIT)
+    made = (await stub.CreateReferencePose(request)).reference_pose
+    assert made.name.startswith("referencePoses/sha256:")
+    wishes = goal_pose_pb2.PoseConstraints(facing=0.0)
+    asked = goal_pose_pb2.SynthesizeRequest(object=place.name, reference_pose=made.name, constraints=wishes, count=2)
+    found = await result(stub.Synthesize(asked))
+    assert found.reference_pose == made.name
+    assert len(found.alternatives) == 1
+    assert found.quality.HasField("descriptor_residual")
+    assert poser.runs[-1].constraints.facing == 0.0
+
+
+async def test_a_hand_named_twice_is_refused(stub):
+    place = await box(stub)
+    target = goal_pose_pb2.HandTarget(hand=goal_pose_pb2.HAND_LEFT, position=[0, 0, 0])
+    wishes = goal_pose_pb2.PoseConstraints(hand_targets=[target, target])
+    asked = goal_pose_pb2.SynthesizeRequest(object=place.name, action=skeleton_pb2.ACTION_SIT, constraints=wishes)
+    code, reason, bad = await refusal(result(stub.Synthesize(asked)))
+    assert (code, reason) == (grpc.StatusCode.INVALID_ARGUMENT, "INVALID_ARGUMENT")
+    assert bad.field_violations[0].field == "constraints"

@@ -33,6 +33,8 @@ from roam_client.frames import Event, EventType, Frame, Header
 from roam_client.goal_poses import GoalPose, Pose, Progress, ReferencePose
 from roam_client.motions import Motion
 from roam_client.objects import Object, Warning
+from roam_client.pose_quality import BonePenetration, PoseQuality
+from roam_client.pose_wishes import PoseWishes
 from roam_client.server_info import ServerInfo
 from roam_client.sessions import Placement
 from roam_client.skeleton import Capsule, Skeleton, Tip
@@ -46,6 +48,7 @@ __all__ = [
     "AsyncClient",
     "AsyncSession",
     "AsyncStream",
+    "BonePenetration",
     "Capsule",
     "Client",
     "ConflictError",
@@ -64,6 +67,8 @@ __all__ = [
     "Object",
     "Placement",
     "Pose",
+    "PoseQuality",
+    "PoseWishes",
     "Progress",
     "ReferencePose",
     "RequestTimeoutError",

@@ -1,6 +1,6 @@
 """Goal poses: what the optimisation answers, its progress, and the reference poses it starts from."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -12,6 +12,8 @@ from roam_client.actions import Action, action_from_message
 from roam_client.files import save_arrays
 from roam_client.objects import Object, Warning, warnings_from_messages
 from roam_client.packing import Floats, pack_floats, unpack_floats
+from roam_client.pose_quality import PoseQuality
+from roam_client.pose_wishes import PoseWishes
 from roam_client.skeleton import Skeleton
 
 
@@ -83,13 +85,22 @@ class GoalPose:
     action: Action
     floor_height: float  # [m]
     object_to_world: npt.NDArray[np.float64]  # [4, 4] what was done to the file's coordinates
+    quality: PoseQuality
+    place: tuple[float, ...]  # where on the object's surface the person is, x y z [m]
+    alternatives: tuple["GoalPose", ...] = ()  # the next best, best first, when more than one were asked for
 
     @classmethod
     def from_message(
         cls, message: goal_pose_pb2.GoalPose, *, skeleton: Skeleton, object_to_world: npt.ArrayLike
     ) -> Self:
         """Decodes; WireError when the arrays do not fit the skeleton."""
+        if message.HasField("skeleton"):
+            skeleton = Skeleton.from_message(message.skeleton)
         count = skeleton.joint_count
+        others = [
+            cls.from_message(other, skeleton=skeleton, object_to_world=object_to_world)
+            for other in message.alternatives
+        ]
         return cls(
             name=message.name,
             skeleton=skeleton,
@@ -104,6 +115,11 @@ class GoalPose:
             action=action_from_message(message.action),
             floor_height=message.floor_height,
             object_to_world=np.asarray(object_to_world, np.float64),
+            quality=PoseQuality.from_message(message.quality),
+            place=tuple(message.place),
+            alternatives=tuple(
+                replace(other, object=message.object, floor_height=message.floor_height) for other in others
+            ),
         )
 
     @property
@@ -143,6 +159,7 @@ class GoalPose:
             "reference_pose": self.reference_pose,
             "energies": self.energies,
             "diagnostics": self.diagnostics,
+            "quality": asdict(self.quality),
         }
         save_arrays(Path(path), self.arrays(), extra)
 
@@ -184,8 +201,11 @@ def synthesize_request(
     seed: int = 0,
     initial_yaw: float | None = None,
     solver: str = "",
+    count: int = 1,
+    wishes: PoseWishes | None = None,
 ) -> goal_pose_pb2.SynthesizeRequest:
     """The request for one goal pose; `reference` is an id or a full name and wins over `action`."""
+    wishes = wishes or PoseWishes()
     name = reference if reference is None or reference.startswith("referencePoses/") else f"referencePoses/{reference}"
     return goal_pose_pb2.SynthesizeRequest(
         object=object if isinstance(object, str) else object.name,
@@ -195,4 +215,20 @@ def synthesize_request(
         seed=seed,
         initial_yaw=initial_yaw,
         solver=solver,
+        count=count,
+        constraints=wishes.constraints,
+        weights=wishes.weights,
+        skeleton=wishes.skeleton.message if wishes.skeleton is not None else None,
+    )
+
+
+def create_reference_request(
+    object: Object | str, pose: Pose, *, action: Action, title: str
+) -> goal_pose_pb2.CreateReferencePoseRequest:
+    """The request that makes a pose on an uploaded object a reference."""
+    return goal_pose_pb2.CreateReferencePoseRequest(
+        object=object if isinstance(object, str) else object.name,
+        pose=pose.message,
+        action=action.message,
+        title=title,
     )

@@ -1,12 +1,12 @@
 """A skeleton as the server describes it, and where its joints are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from roam.v1 import skeleton_pb2
 
-from roam_client.packing import Floats, unpack_floats
+from roam_client.packing import Floats, pack_floats, unpack_floats
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,25 @@ class Skeleton:
             tips=tuple(Tip(t.name, t.joint, (t.offset[0], t.offset[1], t.offset[2])) for t in message.tips),
             body=body,
         )
+
+    @property
+    def message(self) -> skeleton_pb2.Skeleton:
+        """The protocol's form, without the body."""
+        return skeleton_pb2.Skeleton(
+            id=self.id,
+            joint_names=self.joint_names,
+            parents=self.parents,
+            rest_offsets=pack_floats(self.rest_offsets),
+            rest_rotations=pack_floats(self.rest_rotations),
+            humanoid_bones=self.humanoid_bones,
+            tips=[skeleton_pb2.Tip(name=tip.name, joint=tip.joint, offset=tip.offset) for tip in self.tips],
+        )
+
+    def sized(self, scale: float) -> "Skeleton":
+        """The same person `scale` times as large; without a body, which the server makes."""
+        offsets = [(scale * tip.offset[0], scale * tip.offset[1], scale * tip.offset[2]) for tip in self.tips]
+        tips = tuple(replace(tip, offset=offset) for tip, offset in zip(self.tips, offsets, strict=True))
+        return replace(self, id="", rest_offsets=self.rest_offsets * np.float32(scale), tips=tips, body=())
 
     @property
     def joint_count(self) -> int:

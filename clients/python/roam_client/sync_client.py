@@ -19,8 +19,16 @@ from roam.v1 import (
 
 from roam_client.actions import Action
 from roam_client.errors import InternalServerError, server_errors
-from roam_client.goal_poses import GoalPose, Progress, ReferencePose, synthesize_request
+from roam_client.goal_poses import (
+    GoalPose,
+    Pose,
+    Progress,
+    ReferencePose,
+    create_reference_request,
+    synthesize_request,
+)
 from roam_client.objects import Object, format_of, upload_requests
+from roam_client.pose_wishes import PoseWishes
 from roam_client.security import MetadataChannel, Security
 from roam_client.server_info import ServerInfo
 from roam_client.sessions import Placement, session_request
@@ -110,6 +118,16 @@ class Client:
             response = stub.ListReferencePoses(request, timeout=self._timeout)
         return tuple(ReferencePose.from_message(message) for message in response.reference_poses)
 
+    def create_reference(
+        self, object: Object | str, pose: Pose, *, action: Action = Action.SIT, title: str = ""
+    ) -> ReferencePose:
+        """Makes a pose in the world of an uploaded object a reference; its name serves `synthesize` as `reference`."""
+        target, stub = self._goal_pose_stub()
+        request = create_reference_request(object, pose, action=action, title=title)
+        with server_errors(target):
+            response = stub.CreateReferencePose(request, timeout=self._timeout)
+        return ReferencePose.from_message(response.reference_pose)
+
     def synthesize(
         self,
         object: Object | str,
@@ -120,10 +138,12 @@ class Client:
         seed: int = 0,
         initial_yaw: float | None = None,
         solver: str = "",
+        count: int = 1,
+        wishes: PoseWishes | None = None,
         timeout: float = 600.0,
         on_progress: OnProgress | None = None,
     ) -> GoalPose:
-        """Optimises one goal pose on an uploaded object; `reference` wins over `action`."""
+        """Optimises goal poses on an uploaded object: the best, with `count` - 1 others in `alternatives`."""
         place = self.object(object) if isinstance(object, str) else object
         request = synthesize_request(
             place,
@@ -133,6 +153,8 @@ class Client:
             seed=seed,
             initial_yaw=initial_yaw,
             solver=solver,
+            count=count,
+            wishes=wishes,
         )
         for answer in self._synthesize(request, timeout):
             if answer.WhichOneof("message") == "goal_pose":

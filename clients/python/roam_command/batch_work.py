@@ -56,7 +56,7 @@ def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
         return Outcome(reason="INTERNAL", message=f"{type(error).__name__}: {error}")
     return Outcome(
         object=object_message(shape, format).SerializeToString(),
-        goal_pose=goal_pose_message(result).SerializeToString(),
+        goal_pose=goal_pose_message(result, shape, request).SerializeToString(),
         seconds=perf_counter() - started,
     )
 

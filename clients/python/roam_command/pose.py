@@ -1,6 +1,7 @@
 """`roam pose OBJECT`: a goal pose on a piece of furniture."""
 
 import time
+from dataclasses import asdict
 from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +21,7 @@ from roam_command.options import (
     checked_object,
     checked_outputs,
 )
+from roam_command.pose_options import Extras
 from roam_command.reports import centimetres, print_result, progress_bar, reported, tell_warnings
 from roam_command.servers import connected
 
@@ -28,6 +30,7 @@ from roam_command.servers import connected
 def pose(
     object: ObjectArgument,
     wish: Wish,
+    extras: Extras,
     to: ServerChoice,
     output: OutputOption = None,
     restarts: Annotated[
@@ -40,25 +43,51 @@ def pose(
 ) -> None:
     """Make a full-body pose that fits OBJECT, in the object file's own placement (metres, Y up).
 
-    `-o` saves .npz, .json, or .glb (body and object).
+    `-o` saves .npz, .json, or .glb (body and object); with `--count` the others get -2, -3, … after the name.
     """
     with reported(as_json=json):
         checked_object(object)
+        extras.check()
         outputs = checked_outputs(output, POSE_ENDINGS)
         check_exporters(outputs)
         with connected(to) as client, progress_bar() as bar:
             start = time.perf_counter()
-            place, goal = make_goal_pose(client, bar, object, wish, restarts=restarts, solver=solver)
+            place, goal = make_goal_pose(
+                client,
+                bar,
+                object,
+                wish,
+                reference=extras.reference(client, wish.action.action),
+                restarts=restarts,
+                solver=solver,
+                count=extras.count,
+                wishes=extras.wishes(client),
+            )
             seconds = time.perf_counter() - start
-        for path in outputs:
-            write_pose(path, goal, source=object, object=place)
+        files = write_poses(outputs, goal, source=object, object=place)
         tell_warnings([*place.warnings, *goal.warnings])
-        result = {**goal_pose_figures(goal), "seconds": seconds, "files": [str(path) for path in outputs]}
-        print_result(result, [*goal_pose_lines(goal), ("time", f"{seconds:.1f} s"), *file_lines(outputs)], as_json=json)
+        others = [goal_pose_figures(other) for other in goal.alternatives]
+        result = {**goal_pose_figures(goal), "alternatives": others, "seconds": seconds, "files": list(map(str, files))}
+        lines = [*goal_pose_lines(goal), *alternative_lines(goal), ("time", f"{seconds:.1f} s"), *file_lines(files)]
+        print_result(result, lines, as_json=json)
 
 
-def make_goal_pose(client: Client, bar: Bar, source: Path, wish: Wish, **options: Any) -> tuple[Object, GoalPose]:
-    """Uploads and optimises, with a progress bar; `options` are further ones of `Client.synthesize`."""
+def write_poses(outputs: list[Path], goal: GoalPose, *, source: Path, object: Object) -> list[Path]:
+    """Writes the pose and its alternatives; the files written."""
+    written = []
+    for path in outputs:
+        for rank, one in enumerate((goal, *goal.alternatives), start=1):
+            ranked = path if rank == 1 else path.with_stem(f"{path.stem}-{rank}")
+            write_pose(ranked, one, source=source, object=object)
+            written.append(ranked)
+    return written
+
+
+def make_goal_pose(
+    client: Client, bar: Bar, source: Path, wish: Wish, *, reference: str | None = None, **options: Any
+) -> tuple[Object, GoalPose]:
+    """Uploads and optimises, with a progress bar; `reference` wins over the wish's, `options` are further ones of
+    `Client.synthesize`."""
     task = bar.add_task("reading the object", total=None, note="")
     place = client.upload(source, unit=wish.unit, up_axis=wish.up)
     bar.update(task, description="fitting the pose")
@@ -69,7 +98,12 @@ def make_goal_pose(client: Client, bar: Bar, source: Path, wish: Wish, **options
             bar.update(task, total=progress.iteration_count, completed=progress.iteration, note=note)
 
     goal = client.synthesize(
-        place, reference=wish.reference, action=wish.action.action, seed=wish.seed, on_progress=show, **options
+        place,
+        reference=reference or wish.reference,
+        action=wish.action.action,
+        seed=wish.seed,
+        on_progress=show,
+        **options,
     )
     bar.update(task, total=1, completed=1, note="")
     return place, goal
@@ -85,6 +119,8 @@ def goal_pose_figures(goal: GoalPose) -> dict[str, Any]:
         "energies": goal.energies,
         "energy": goal.energies.get("total"),
         "diagnostics": goal.diagnostics,
+        "quality": asdict(goal.quality),
+        "place": list(goal.place),
         "hip_seat_distance": goal.diagnostics.get("hip_seat_distance"),
         "penetration_depth": goal.diagnostics.get("penetration_depth"),
         "heading_degrees": degrees(goal.heading),
@@ -102,9 +138,26 @@ def goal_pose_lines(goal: GoalPose) -> list[tuple[str, str]]:
         ("pose", f"{goal.action.name.lower()}, from {goal.reference_pose.removeprefix('referencePoses/')}"),
         ("hips", f"at {x:.2f}, {y:.2f}, {z:.2f} m, heading {degrees(goal.heading):.0f}°"),
         ("hips to seat", centimetres(goal.diagnostics.get("hip_seat_distance"))),
-        ("penetration", centimetres(goal.diagnostics.get("penetration_depth"))),
+        ("penetration", _penetration(goal)),
         ("energy", f"{goal.energies.get('total', float('nan')):.4f} ({terms})"),
     ]
+
+
+def _penetration(goal: GoalPose) -> str:
+    quality = goal.quality
+    deepest = "".join(f", deepest {bone.bone}" for bone in quality.bone_penetrations[:1])
+    return f"{centimetres(quality.penetration_depth)} ({1000 * quality.penetration_volume:.2f} l{deepest})"
+
+
+def alternative_lines(goal: GoalPose) -> list[tuple[str, str]]:
+    """One line for each of the other poses."""
+    found = []
+    for rank, other in enumerate(goal.alternatives, start=2):
+        x, y, z = (float(value) for value in other.root_position)
+        kind = other.reference_pose.removeprefix("referencePoses/")
+        place = f"{kind}, hips at {x:.2f}, {y:.2f}, {z:.2f} m, heading {degrees(other.heading):.0f}°"
+        found.append((f"pose {rank}", f"{place}, energy {other.energies.get('total', float('nan')):.4f}"))
+    return found
 
 
 def file_lines(paths: list[Path]) -> list[tuple[str, str]]:

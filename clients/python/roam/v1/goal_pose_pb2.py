@@ -25,17 +25,21 @@ _sym_db = _symbol_database.Default()
 from roam.v1 import skeleton_pb2 as roam_dot_v1_dot_skeleton__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17roam/v1/goal_pose.proto\x12\x07roam.v1\x1a\x16roam/v1/skeleton.proto\"\xd5\x01\n\x06Object\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0e\n\x06\x66ormat\x18\x02 \x01(\t\x12\x0c\n\x04unit\x18\x03 \x01(\t\x12\x0f\n\x07up_axis\x18\x04 \x01(\t\x12\x17\n\x0fobject_to_world\x18\x05 \x03(\x01\x12\x14\n\x0c\x66loor_height\x18\x06 \x01(\x01\x12\x12\n\nbounds_min\x18\x07 \x03(\x01\x12\x12\n\nbounds_max\x18\x08 \x03(\x01\x12\x13\n\x0bpoint_count\x18\t \x01(\r\x12\"\n\x08warnings\x18\n \x03(\x0b\x32\x10.roam.v1.Warning\":\n\x07Warning\x12\x0e\n\x06reason\x18\x01 \x01(\t\x12\x0f\n\x07message\x18\x02 \x01(\t\x12\x0e\n\x06remedy\x18\x03 \x01(\t\"S\n\x13UploadObjectRequest\x12\x0e\n\x06\x66ormat\x18\x01 \x01(\t\x12\r\n\x05\x63hunk\x18\x02 \x01(\x0c\x12\x0c\n\x04unit\x18\x03 \x01(\t\x12\x0f\n\x07up_axis\x18\x04 \x01(\t\"7\n\x14UploadObjectResponse\x12\x1f\n\x06object\x18\x01 \x01(\x0b\x32\x0f.roam.v1.Object\" \n\x10GetObjectRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"4\n\x11GetObjectResponse\x12\x1f\n\x06object\x18\x01 \x01(\x0b\x32\x0f.roam.v1.Object\"\xe9\x01\n\x11SynthesizeRequest\x12\x0e\n\x06object\x18\x01 \x01(\t\x12\x0e\n\x06points\x18\x02 \x01(\x0c\x12\x16\n\x0ereference_pose\x18\x03 \x01(\t\x12\x10\n\x08restarts\x18\x04 \x01(\r\x12\x11\n\x04seed\x18\x05 \x01(\x04H\x00\x88\x01\x01\x12\x1f\n\x06\x61\x63tion\x18\x06 \x01(\x0e\x32\x0f.roam.v1.Action\x12\x18\n\x0binitial_yaw\x18\x07 \x01(\x01H\x01\x88\x01\x01\x12\x0e\n\x06solver\x18\x08 \x01(\t\x12\x13\n\x0bskeleton_id\x18\t \x01(\tB\x07\n\x05_seedB\x0e\n\x0c_initial_yaw\"n\n\x12SynthesizeResponse\x12%\n\x08progress\x18\x01 \x01(\x0b\x32\x11.roam.v1.ProgressH\x00\x12&\n\tgoal_pose\x18\x02 \x01(\x0b\x32\x11.roam.v1.GoalPoseH\x00\x42\t\n\x07message\"\x86\x01\n\x08Progress\x12\r\n\x05stage\x18\x01 \x01(\r\x12\x11\n\titeration\x18\x02 \x01(\r\x12\x17\n\x0fiteration_count\x18\x03 \x01(\r\x12\x0e\n\x06\x65nergy\x18\x04 \x01(\x01\x12\x1b\n\x04pose\x18\x05 \x01(\x0b\x32\r.roam.v1.Pose\x12\x12\n\nstage_name\x18\x06 \x01(\t\"\xa2\x03\n\x08GoalPose\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1b\n\x04pose\x18\x02 \x01(\x0b\x32\r.roam.v1.Pose\x12\x31\n\x08\x65nergies\x18\x03 \x03(\x0b\x32\x1f.roam.v1.GoalPose.EnergiesEntry\x12\x37\n\x0b\x64iagnostics\x18\x04 \x03(\x0b\x32\".roam.v1.GoalPose.DiagnosticsEntry\x12\"\n\x08warnings\x18\x05 \x03(\x0b\x32\x10.roam.v1.Warning\x12\x0e\n\x06object\x18\x06 \x01(\t\x12\x16\n\x0ereference_pose\x18\x07 \x01(\t\x12\x1f\n\x06\x61\x63tion\x18\x08 \x01(\x0e\x32\x0f.roam.v1.Action\x12\x17\n\x0fjoint_positions\x18\t \x01(\x0c\x12\x14\n\x0c\x66loor_height\x18\n \x01(\x01\x1a/\n\rEnergiesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x1a\x32\n\x10\x44iagnosticsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\"\x81\x01\n\rReferencePose\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05title\x18\x02 \x01(\t\x12\x1f\n\x06\x61\x63tion\x18\x03 \x01(\x0e\x32\x0f.roam.v1.Action\x12\x1b\n\x04pose\x18\x04 \x01(\x0b\x32\r.roam.v1.Pose\x12\x15\n\robject_points\x18\x05 \x01(\x0c\"3\n\x19ListReferencePosesRequest\x12\x16\n\x0einclude_points\x18\x01 \x01(\x08\"M\n\x1aListReferencePosesResponse\x12/\n\x0freference_poses\x18\x01 \x03(\x0b\x32\x16.roam.v1.ReferencePose2\xcc\x02\n\x0fGoalPoseService\x12M\n\x0cUploadObject\x12\x1c.roam.v1.UploadObjectRequest\x1a\x1d.roam.v1.UploadObjectResponse(\x01\x12\x42\n\tGetObject\x12\x19.roam.v1.GetObjectRequest\x1a\x1a.roam.v1.GetObjectResponse\x12G\n\nSynthesize\x12\x1a.roam.v1.SynthesizeRequest\x1a\x1b.roam.v1.SynthesizeResponse0\x01\x12]\n\x12ListReferencePoses\x12\".roam.v1.ListReferencePosesRequest\x1a#.roam.v1.ListReferencePosesResponseb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17roam/v1/goal_pose.proto\x12\x07roam.v1\x1a\x16roam/v1/skeleton.proto\"\xd5\x01\n\x06Object\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0e\n\x06\x66ormat\x18\x02 \x01(\t\x12\x0c\n\x04unit\x18\x03 \x01(\t\x12\x0f\n\x07up_axis\x18\x04 \x01(\t\x12\x17\n\x0fobject_to_world\x18\x05 \x03(\x01\x12\x14\n\x0c\x66loor_height\x18\x06 \x01(\x01\x12\x12\n\nbounds_min\x18\x07 \x03(\x01\x12\x12\n\nbounds_max\x18\x08 \x03(\x01\x12\x13\n\x0bpoint_count\x18\t \x01(\r\x12\"\n\x08warnings\x18\n \x03(\x0b\x32\x10.roam.v1.Warning\":\n\x07Warning\x12\x0e\n\x06reason\x18\x01 \x01(\t\x12\x0f\n\x07message\x18\x02 \x01(\t\x12\x0e\n\x06remedy\x18\x03 \x01(\t\"S\n\x13UploadObjectRequest\x12\x0e\n\x06\x66ormat\x18\x01 \x01(\t\x12\r\n\x05\x63hunk\x18\x02 \x01(\x0c\x12\x0c\n\x04unit\x18\x03 \x01(\t\x12\x0f\n\x07up_axis\x18\x04 \x01(\t\"7\n\x14UploadObjectResponse\x12\x1f\n\x06object\x18\x01 \x01(\x0b\x32\x0f.roam.v1.Object\" \n\x10GetObjectRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"4\n\x11GetObjectResponse\x12\x1f\n\x06object\x18\x01 \x01(\x0b\x32\x0f.roam.v1.Object\"\xb6\x03\n\x11SynthesizeRequest\x12\x0e\n\x06object\x18\x01 \x01(\t\x12\x0e\n\x06points\x18\x02 \x01(\x0c\x12\x16\n\x0ereference_pose\x18\x03 \x01(\t\x12\x10\n\x08restarts\x18\x04 \x01(\r\x12\x11\n\x04seed\x18\x05 \x01(\x04H\x00\x88\x01\x01\x12\x1f\n\x06\x61\x63tion\x18\x06 \x01(\x0e\x32\x0f.roam.v1.Action\x12\x18\n\x0binitial_yaw\x18\x07 \x01(\x01H\x01\x88\x01\x01\x12\x0e\n\x06solver\x18\x08 \x01(\t\x12\x13\n\x0bskeleton_id\x18\t \x01(\t\x12\r\n\x05\x63ount\x18\n \x01(\r\x12-\n\x0b\x63onstraints\x18\x0b \x01(\x0b\x32\x18.roam.v1.PoseConstraints\x12\x38\n\x07weights\x18\x0c \x03(\x0b\x32\'.roam.v1.SynthesizeRequest.WeightsEntry\x12#\n\x08skeleton\x18\r \x01(\x0b\x32\x11.roam.v1.Skeleton\x1a.\n\x0cWeightsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x42\x07\n\x05_seedB\x0e\n\x0c_initial_yaw\"p\n\x0fPoseConstraints\x12\x12\n\nseat_point\x18\x01 \x03(\x01\x12\x13\n\x06\x66\x61\x63ing\x18\x02 \x01(\x01H\x00\x88\x01\x01\x12)\n\x0chand_targets\x18\x03 \x03(\x0b\x32\x13.roam.v1.HandTargetB\t\n\x07_facing\";\n\nHandTarget\x12\x1b\n\x04hand\x18\x01 \x01(\x0e\x32\r.roam.v1.Hand\x12\x10\n\x08position\x18\x02 \x03(\x01\"n\n\x12SynthesizeResponse\x12%\n\x08progress\x18\x01 \x01(\x0b\x32\x11.roam.v1.ProgressH\x00\x12&\n\tgoal_pose\x18\x02 \x01(\x0b\x32\x11.roam.v1.GoalPoseH\x00\x42\t\n\x07message\"\x86\x01\n\x08Progress\x12\r\n\x05stage\x18\x01 \x01(\r\x12\x11\n\titeration\x18\x02 \x01(\r\x12\x17\n\x0fiteration_count\x18\x03 \x01(\r\x12\x0e\n\x06\x65nergy\x18\x04 \x01(\x01\x12\x1b\n\x04pose\x18\x05 \x01(\x0b\x32\r.roam.v1.Pose\x12\x12\n\nstage_name\x18\x06 \x01(\t\"\xa6\x04\n\x08GoalPose\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1b\n\x04pose\x18\x02 \x01(\x0b\x32\r.roam.v1.Pose\x12\x31\n\x08\x65nergies\x18\x03 \x03(\x0b\x32\x1f.roam.v1.GoalPose.EnergiesEntry\x12\x37\n\x0b\x64iagnostics\x18\x04 \x03(\x0b\x32\".roam.v1.GoalPose.DiagnosticsEntry\x12\"\n\x08warnings\x18\x05 \x03(\x0b\x32\x10.roam.v1.Warning\x12\x0e\n\x06object\x18\x06 \x01(\t\x12\x16\n\x0ereference_pose\x18\x07 \x01(\t\x12\x1f\n\x06\x61\x63tion\x18\x08 \x01(\x0e\x32\x0f.roam.v1.Action\x12\x17\n\x0fjoint_positions\x18\t \x01(\x0c\x12\x14\n\x0c\x66loor_height\x18\n \x01(\x01\x12%\n\x07quality\x18\x0b \x01(\x0b\x32\x14.roam.v1.PoseQuality\x12\r\n\x05place\x18\x0c \x03(\x01\x12\'\n\x0c\x61lternatives\x18\r \x03(\x0b\x32\x11.roam.v1.GoalPose\x12#\n\x08skeleton\x18\x0e \x01(\x0b\x32\x11.roam.v1.Skeleton\x1a/\n\rEnergiesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x1a\x32\n\x10\x44iagnosticsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\"\xad\x02\n\x0bPoseQuality\x12 \n\x13\x64\x65scriptor_residual\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x19\n\x11penetration_depth\x18\x02 \x01(\x01\x12\x1a\n\x12penetration_volume\x18\x03 \x01(\x01\x12\x33\n\x11\x62one_penetrations\x18\x04 \x03(\x0b\x32\x18.roam.v1.BonePenetration\x12\x19\n\x11hip_seat_distance\x18\x05 \x01(\x01\x12\x14\n\x0c\x63ontacts_met\x18\x06 \x01(\x01\x12\x1b\n\x0e\x66loor_distance\x18\x07 \x01(\x01H\x01\x88\x01\x01\x12\x17\n\x0fjoint_limit_use\x18\x08 \x01(\x01\x42\x16\n\x14_descriptor_residualB\x11\n\x0f_floor_distance\">\n\x0f\x42onePenetration\x12\x0c\n\x04\x62one\x18\x01 \x01(\t\x12\r\n\x05\x64\x65pth\x18\x02 \x01(\x01\x12\x0e\n\x06volume\x18\x03 \x01(\x01\"\x81\x01\n\rReferencePose\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05title\x18\x02 \x01(\t\x12\x1f\n\x06\x61\x63tion\x18\x03 \x01(\x0e\x32\x0f.roam.v1.Action\x12\x1b\n\x04pose\x18\x04 \x01(\x0b\x32\r.roam.v1.Pose\x12\x15\n\robject_points\x18\x05 \x01(\x0c\"y\n\x1a\x43reateReferencePoseRequest\x12\x0e\n\x06object\x18\x01 \x01(\t\x12\x1b\n\x04pose\x18\x02 \x01(\x0b\x32\r.roam.v1.Pose\x12\x1f\n\x06\x61\x63tion\x18\x03 \x01(\x0e\x32\x0f.roam.v1.Action\x12\r\n\x05title\x18\x04 \x01(\t\"M\n\x1b\x43reateReferencePoseResponse\x12.\n\x0ereference_pose\x18\x01 \x01(\x0b\x32\x16.roam.v1.ReferencePose\"3\n\x19ListReferencePosesRequest\x12\x16\n\x0einclude_points\x18\x01 \x01(\x08\"M\n\x1aListReferencePosesResponse\x12/\n\x0freference_poses\x18\x01 \x03(\x0b\x32\x16.roam.v1.ReferencePose*;\n\x04Hand\x12\x14\n\x10HAND_UNSPECIFIED\x10\x00\x12\r\n\tHAND_LEFT\x10\x01\x12\x0e\n\nHAND_RIGHT\x10\x02\x32\xae\x03\n\x0fGoalPoseService\x12M\n\x0cUploadObject\x12\x1c.roam.v1.UploadObjectRequest\x1a\x1d.roam.v1.UploadObjectResponse(\x01\x12\x42\n\tGetObject\x12\x19.roam.v1.GetObjectRequest\x1a\x1a.roam.v1.GetObjectResponse\x12G\n\nSynthesize\x12\x1a.roam.v1.SynthesizeRequest\x1a\x1b.roam.v1.SynthesizeResponse0\x01\x12]\n\x12ListReferencePoses\x12\".roam.v1.ListReferencePosesRequest\x1a#.roam.v1.ListReferencePosesResponse\x12`\n\x13\x43reateReferencePose\x12#.roam.v1.CreateReferencePoseRequest\x1a$.roam.v1.CreateReferencePoseResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'roam.v1.goal_pose_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
+  _globals['_SYNTHESIZEREQUEST_WEIGHTSENTRY']._loaded_options = None
+  _globals['_SYNTHESIZEREQUEST_WEIGHTSENTRY']._serialized_options = b'8\001'
   _globals['_GOALPOSE_ENERGIESENTRY']._loaded_options = None
   _globals['_GOALPOSE_ENERGIESENTRY']._serialized_options = b'8\001'
   _globals['_GOALPOSE_DIAGNOSTICSENTRY']._loaded_options = None
   _globals['_GOALPOSE_DIAGNOSTICSENTRY']._serialized_options = b'8\001'
+  _globals['_HAND']._serialized_start=2818
+  _globals['_HAND']._serialized_end=2877
   _globals['_OBJECT']._serialized_start=61
   _globals['_OBJECT']._serialized_end=274
   _globals['_WARNING']._serialized_start=276
@@ -49,23 +53,37 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_GETOBJECTRESPONSE']._serialized_start=512
   _globals['_GETOBJECTRESPONSE']._serialized_end=564
   _globals['_SYNTHESIZEREQUEST']._serialized_start=567
-  _globals['_SYNTHESIZEREQUEST']._serialized_end=800
-  _globals['_SYNTHESIZERESPONSE']._serialized_start=802
-  _globals['_SYNTHESIZERESPONSE']._serialized_end=912
-  _globals['_PROGRESS']._serialized_start=915
-  _globals['_PROGRESS']._serialized_end=1049
-  _globals['_GOALPOSE']._serialized_start=1052
-  _globals['_GOALPOSE']._serialized_end=1470
-  _globals['_GOALPOSE_ENERGIESENTRY']._serialized_start=1371
-  _globals['_GOALPOSE_ENERGIESENTRY']._serialized_end=1418
-  _globals['_GOALPOSE_DIAGNOSTICSENTRY']._serialized_start=1420
-  _globals['_GOALPOSE_DIAGNOSTICSENTRY']._serialized_end=1470
-  _globals['_REFERENCEPOSE']._serialized_start=1473
-  _globals['_REFERENCEPOSE']._serialized_end=1602
-  _globals['_LISTREFERENCEPOSESREQUEST']._serialized_start=1604
-  _globals['_LISTREFERENCEPOSESREQUEST']._serialized_end=1655
-  _globals['_LISTREFERENCEPOSESRESPONSE']._serialized_start=1657
-  _globals['_LISTREFERENCEPOSESRESPONSE']._serialized_end=1734
-  _globals['_GOALPOSESERVICE']._serialized_start=1737
-  _globals['_GOALPOSESERVICE']._serialized_end=2069
+  _globals['_SYNTHESIZEREQUEST']._serialized_end=1005
+  _globals['_SYNTHESIZEREQUEST_WEIGHTSENTRY']._serialized_start=934
+  _globals['_SYNTHESIZEREQUEST_WEIGHTSENTRY']._serialized_end=980
+  _globals['_POSECONSTRAINTS']._serialized_start=1007
+  _globals['_POSECONSTRAINTS']._serialized_end=1119
+  _globals['_HANDTARGET']._serialized_start=1121
+  _globals['_HANDTARGET']._serialized_end=1180
+  _globals['_SYNTHESIZERESPONSE']._serialized_start=1182
+  _globals['_SYNTHESIZERESPONSE']._serialized_end=1292
+  _globals['_PROGRESS']._serialized_start=1295
+  _globals['_PROGRESS']._serialized_end=1429
+  _globals['_GOALPOSE']._serialized_start=1432
+  _globals['_GOALPOSE']._serialized_end=1982
+  _globals['_GOALPOSE_ENERGIESENTRY']._serialized_start=1883
+  _globals['_GOALPOSE_ENERGIESENTRY']._serialized_end=1930
+  _globals['_GOALPOSE_DIAGNOSTICSENTRY']._serialized_start=1932
+  _globals['_GOALPOSE_DIAGNOSTICSENTRY']._serialized_end=1982
+  _globals['_POSEQUALITY']._serialized_start=1985
+  _globals['_POSEQUALITY']._serialized_end=2286
+  _globals['_BONEPENETRATION']._serialized_start=2288
+  _globals['_BONEPENETRATION']._serialized_end=2350
+  _globals['_REFERENCEPOSE']._serialized_start=2353
+  _globals['_REFERENCEPOSE']._serialized_end=2482
+  _globals['_CREATEREFERENCEPOSEREQUEST']._serialized_start=2484
+  _globals['_CREATEREFERENCEPOSEREQUEST']._serialized_end=2605
+  _globals['_CREATEREFERENCEPOSERESPONSE']._serialized_start=2607
+  _globals['_CREATEREFERENCEPOSERESPONSE']._serialized_end=2684
+  _globals['_LISTREFERENCEPOSESREQUEST']._serialized_start=2686
+  _globals['_LISTREFERENCEPOSESREQUEST']._serialized_end=2737
+  _globals['_LISTREFERENCEPOSESRESPONSE']._serialized_start=2739
+  _globals['_LISTREFERENCEPOSESRESPONSE']._serialized_end=2816
+  _globals['_GOALPOSESERVICE']._serialized_start=2880
+  _globals['_GOALPOSESERVICE']._serialized_end=3310
 # @@protoc_insertion_point(module_scope)

@@ -7,6 +7,7 @@ from collections import abc as _abc
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
 from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from roam.v1 import skeleton_pb2 as _skeleton_pb2
 import builtins as _builtins
 import sys
@@ -18,6 +19,30 @@ else:
     from typing_extensions import TypeAlias as _TypeAlias, Never as _Never
 
 DESCRIPTOR: _descriptor.FileDescriptor
+
+class _Hand:
+    ValueType = _typing.NewType("ValueType", _builtins.int)
+    V: _TypeAlias = ValueType  # noqa: Y015
+
+class _HandEnumTypeWrapper(_enum_type_wrapper._EnumTypeWrapper[_Hand.ValueType], _builtins.type):
+    DESCRIPTOR: _descriptor.EnumDescriptor
+    HAND_UNSPECIFIED: _Hand.ValueType  # 0
+    """Not said."""
+    HAND_LEFT: _Hand.ValueType  # 1
+    """The left hand."""
+    HAND_RIGHT: _Hand.ValueType  # 2
+    """The right hand."""
+
+class Hand(_Hand, metaclass=_HandEnumTypeWrapper):
+    """A hand."""
+
+HAND_UNSPECIFIED: Hand.ValueType  # 0
+"""Not said."""
+HAND_LEFT: Hand.ValueType  # 1
+"""The left hand."""
+HAND_RIGHT: Hand.ValueType  # 2
+"""The right hand."""
+Global___Hand: _TypeAlias = Hand  # noqa: Y015
 
 @_typing.final
 class Object(_message.Message):
@@ -225,6 +250,26 @@ class SynthesizeRequest(_message.Message):
 
     DESCRIPTOR: _descriptor.Descriptor
 
+    @_typing.final
+    class WeightsEntry(_message.Message):
+        DESCRIPTOR: _descriptor.Descriptor
+
+        KEY_FIELD_NUMBER: _builtins.int
+        VALUE_FIELD_NUMBER: _builtins.int
+        key: _builtins.str
+        value: _builtins.float
+        def __init__(
+            self,
+            *,
+            key: _builtins.str = ...,
+            value: _builtins.float = ...,
+        ) -> None: ...
+        _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+        def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+        _ClearFieldArgType: _TypeAlias = _typing.Literal["key", b"key", "value", b"value"]  # noqa: Y015
+        def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+        def WhichOneof(self, oneof_group: _Never) -> None: ...
+
     OBJECT_FIELD_NUMBER: _builtins.int
     POINTS_FIELD_NUMBER: _builtins.int
     REFERENCE_POSE_FIELD_NUMBER: _builtins.int
@@ -234,12 +279,16 @@ class SynthesizeRequest(_message.Message):
     INITIAL_YAW_FIELD_NUMBER: _builtins.int
     SOLVER_FIELD_NUMBER: _builtins.int
     SKELETON_ID_FIELD_NUMBER: _builtins.int
+    COUNT_FIELD_NUMBER: _builtins.int
+    CONSTRAINTS_FIELD_NUMBER: _builtins.int
+    WEIGHTS_FIELD_NUMBER: _builtins.int
+    SKELETON_FIELD_NUMBER: _builtins.int
     object: _builtins.str
     """"objects/sha256:<hex>" from UploadObject, or empty with points set."""
     points: _builtins.bytes
     """Surface points [m], +Y up, little-endian float32, shape [N, 3]."""
     reference_pose: _builtins.str
-    """"referencePoses/{id}", or empty with action set."""
+    """"referencePoses/{id}", a shipped one or one from CreateReferencePose; or empty with action set."""
     restarts: _builtins.int
     """Initial headings to try in one batch; 0: server default."""
     seed: _builtins.int
@@ -252,6 +301,24 @@ class SynthesizeRequest(_message.Message):
     """"default", or "paper" for the published schedule; empty: default."""
     skeleton_id: _builtins.str
     """Skeleton.id to pose; empty: the reference pose's skeleton."""
+    count: _builtins.int
+    """Poses wanted: the best, then others that differ in place, heading or posture; 0: one."""
+    @_builtins.property
+    def constraints(self) -> Global___PoseConstraints:
+        """What the pose shall do besides fitting; weighed against the fit, not forced."""
+
+    @_builtins.property
+    def weights(self) -> _containers.ScalarMap[_builtins.str, _builtins.float]:
+        """Weights of energy terms by name (see proto/README.md) instead of the server's; 0 switches a term off. Default
+        solver only.
+        """
+
+    @_builtins.property
+    def skeleton(self) -> _skeleton_pb2.Skeleton:
+        """A person of other proportions, instead of skeleton_id: VRM 1.0 humanoid bones, identity rest rotations. The
+        reference pose is carried over to it.
+        """
+
     def __init__(
         self,
         *,
@@ -264,10 +331,14 @@ class SynthesizeRequest(_message.Message):
         initial_yaw: _builtins.float | None = ...,
         solver: _builtins.str = ...,
         skeleton_id: _builtins.str = ...,
+        count: _builtins.int = ...,
+        constraints: Global___PoseConstraints | None = ...,
+        weights: _abc.Mapping[_builtins.str, _builtins.float] | None = ...,
+        skeleton: _skeleton_pb2.Skeleton | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_initial_yaw", b"_initial_yaw", "_seed", b"_seed", "initial_yaw", b"initial_yaw", "seed", b"seed"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_initial_yaw", b"_initial_yaw", "_seed", b"_seed", "constraints", b"constraints", "initial_yaw", b"initial_yaw", "seed", b"seed", "skeleton", b"skeleton"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_initial_yaw", b"_initial_yaw", "_seed", b"_seed", "action", b"action", "initial_yaw", b"initial_yaw", "object", b"object", "points", b"points", "reference_pose", b"reference_pose", "restarts", b"restarts", "seed", b"seed", "skeleton_id", b"skeleton_id", "solver", b"solver"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_initial_yaw", b"_initial_yaw", "_seed", b"_seed", "action", b"action", "constraints", b"constraints", "count", b"count", "initial_yaw", b"initial_yaw", "object", b"object", "points", b"points", "reference_pose", b"reference_pose", "restarts", b"restarts", "seed", b"seed", "skeleton", b"skeleton", "skeleton_id", b"skeleton_id", "solver", b"solver", "weights", b"weights"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__initial_yaw: _TypeAlias = _typing.Literal["initial_yaw"]  # noqa: Y015
     _WhichOneofArgType__initial_yaw: _TypeAlias = _typing.Literal["_initial_yaw", b"_initial_yaw"]  # noqa: Y015
@@ -279,6 +350,70 @@ class SynthesizeRequest(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seed) -> _WhichOneofReturnType__seed | None: ...
 
 Global___SynthesizeRequest: _TypeAlias = SynthesizeRequest  # noqa: Y015
+
+@_typing.final
+class PoseConstraints(_message.Message):
+    """Wishes in world space; whatever is absent is free."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    SEAT_POINT_FIELD_NUMBER: _builtins.int
+    FACING_FIELD_NUMBER: _builtins.int
+    HAND_TARGETS_FIELD_NUMBER: _builtins.int
+    facing: _builtins.float
+    """Heading about +Y of the pelvis [rad]; 0 faces +Z."""
+    @_builtins.property
+    def seat_point(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
+        """Point [m], x y z, that the hips go over."""
+
+    @_builtins.property
+    def hand_targets(self) -> _containers.RepeatedCompositeFieldContainer[Global___HandTarget]:
+        """Where hands go."""
+
+    def __init__(
+        self,
+        *,
+        seat_point: _abc.Iterable[_builtins.float] | None = ...,
+        facing: _builtins.float | None = ...,
+        hand_targets: _abc.Iterable[Global___HandTarget] | None = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_facing", b"_facing", "facing", b"facing"]  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_facing", b"_facing", "facing", b"facing", "hand_targets", b"hand_targets", "seat_point", b"seat_point"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__facing: _TypeAlias = _typing.Literal["facing"]  # noqa: Y015
+    _WhichOneofArgType__facing: _TypeAlias = _typing.Literal["_facing", b"_facing"]  # noqa: Y015
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__facing) -> _WhichOneofReturnType__facing | None: ...
+
+Global___PoseConstraints: _TypeAlias = PoseConstraints  # noqa: Y015
+
+@_typing.final
+class HandTarget(_message.Message):
+    """Where one hand goes."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    HAND_FIELD_NUMBER: _builtins.int
+    POSITION_FIELD_NUMBER: _builtins.int
+    hand: Global___Hand.ValueType
+    """Which hand."""
+    @_builtins.property
+    def position(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
+        """Point [m], x y z, for the middle of the hand."""
+
+    def __init__(
+        self,
+        *,
+        hand: Global___Hand.ValueType = ...,
+        position: _abc.Iterable[_builtins.float] | None = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["hand", b"hand", "position", b"position"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___HandTarget: _TypeAlias = HandTarget  # noqa: Y015
 
 @_typing.final
 class SynthesizeResponse(_message.Message):
@@ -412,6 +547,10 @@ class GoalPose(_message.Message):
     ACTION_FIELD_NUMBER: _builtins.int
     JOINT_POSITIONS_FIELD_NUMBER: _builtins.int
     FLOOR_HEIGHT_FIELD_NUMBER: _builtins.int
+    QUALITY_FIELD_NUMBER: _builtins.int
+    PLACE_FIELD_NUMBER: _builtins.int
+    ALTERNATIVES_FIELD_NUMBER: _builtins.int
+    SKELETON_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """"goalPoses/sha256:<hex>": hash of request and model; identical requests share it."""
     object: _builtins.str
@@ -442,6 +581,24 @@ class GoalPose(_message.Message):
     def warnings(self) -> _containers.RepeatedCompositeFieldContainer[Global___Warning]:
         """Why the pose is doubtful, if it is."""
 
+    @_builtins.property
+    def quality(self) -> Global___PoseQuality:
+        """How good the pose is."""
+
+    @_builtins.property
+    def place(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
+        """Where on the object's surface the person sits or lies [m], x y z."""
+
+    @_builtins.property
+    def alternatives(self) -> _containers.RepeatedCompositeFieldContainer[Global___GoalPose]:
+        """The next best poses, best first; at most SynthesizeRequest.count less one, fewer where there are no others. Their
+        fields name, object and floor_height are empty.
+        """
+
+    @_builtins.property
+    def skeleton(self) -> _skeleton_pb2.Skeleton:
+        """Skeleton of the pose when the request brought its own."""
+
     def __init__(
         self,
         *,
@@ -455,14 +612,107 @@ class GoalPose(_message.Message):
         action: _skeleton_pb2.Action.ValueType = ...,
         joint_positions: _builtins.bytes = ...,
         floor_height: _builtins.float = ...,
+        quality: Global___PoseQuality | None = ...,
+        place: _abc.Iterable[_builtins.float] | None = ...,
+        alternatives: _abc.Iterable[Global___GoalPose] | None = ...,
+        skeleton: _skeleton_pb2.Skeleton | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["pose", b"pose"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["pose", b"pose", "quality", b"quality", "skeleton", b"skeleton"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "diagnostics", b"diagnostics", "energies", b"energies", "floor_height", b"floor_height", "joint_positions", b"joint_positions", "name", b"name", "object", b"object", "pose", b"pose", "reference_pose", b"reference_pose", "warnings", b"warnings"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "alternatives", b"alternatives", "diagnostics", b"diagnostics", "energies", b"energies", "floor_height", b"floor_height", "joint_positions", b"joint_positions", "name", b"name", "object", b"object", "place", b"place", "pose", b"pose", "quality", b"quality", "reference_pose", b"reference_pose", "skeleton", b"skeleton", "warnings", b"warnings"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
 Global___GoalPose: _TypeAlias = GoalPose  # noqa: Y015
+
+@_typing.final
+class PoseQuality(_message.Message):
+    """How good a pose is. Measured with the stand-in body: capsules on the bones."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    DESCRIPTOR_RESIDUAL_FIELD_NUMBER: _builtins.int
+    PENETRATION_DEPTH_FIELD_NUMBER: _builtins.int
+    PENETRATION_VOLUME_FIELD_NUMBER: _builtins.int
+    BONE_PENETRATIONS_FIELD_NUMBER: _builtins.int
+    HIP_SEAT_DISTANCE_FIELD_NUMBER: _builtins.int
+    CONTACTS_MET_FIELD_NUMBER: _builtins.int
+    FLOOR_DISTANCE_FIELD_NUMBER: _builtins.int
+    JOINT_LIMIT_USE_FIELD_NUMBER: _builtins.int
+    descriptor_residual: _builtins.float
+    """Mean difference of the descriptors from the reference's [1]; absent when the term was switched off."""
+    penetration_depth: _builtins.float
+    """Of the deepest capsule in the object [m]."""
+    penetration_volume: _builtins.float
+    """Of the body in the object [m^3]. The reference people press a little into their seats too."""
+    hip_seat_distance: _builtins.float
+    """Difference between the hips' height over the surface below them and the reference's [m]."""
+    contacts_met: _builtins.float
+    """Weighted share of the reference's contacts (seat, back, arms, floor) that are met [0, 1]."""
+    floor_distance: _builtins.float
+    """Of the worse sole from the floor [m]; absent when the reference does not stand on it."""
+    joint_limit_use: _builtins.float
+    """How far the most bent joint has gone towards its limit; 1 is the limit."""
+    @_builtins.property
+    def bone_penetrations(self) -> _containers.RepeatedCompositeFieldContainer[Global___BonePenetration]:
+        """The bones that are in the object, deepest first."""
+
+    def __init__(
+        self,
+        *,
+        descriptor_residual: _builtins.float | None = ...,
+        penetration_depth: _builtins.float = ...,
+        penetration_volume: _builtins.float = ...,
+        bone_penetrations: _abc.Iterable[Global___BonePenetration] | None = ...,
+        hip_seat_distance: _builtins.float = ...,
+        contacts_met: _builtins.float = ...,
+        floor_distance: _builtins.float | None = ...,
+        joint_limit_use: _builtins.float = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_descriptor_residual", b"_descriptor_residual", "_floor_distance", b"_floor_distance", "descriptor_residual", b"descriptor_residual", "floor_distance", b"floor_distance"]  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_descriptor_residual", b"_descriptor_residual", "_floor_distance", b"_floor_distance", "bone_penetrations", b"bone_penetrations", "contacts_met", b"contacts_met", "descriptor_residual", b"descriptor_residual", "floor_distance", b"floor_distance", "hip_seat_distance", b"hip_seat_distance", "joint_limit_use", b"joint_limit_use", "penetration_depth", b"penetration_depth", "penetration_volume", b"penetration_volume"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__descriptor_residual: _TypeAlias = _typing.Literal["descriptor_residual"]  # noqa: Y015
+    _WhichOneofArgType__descriptor_residual: _TypeAlias = _typing.Literal["_descriptor_residual", b"_descriptor_residual"]  # noqa: Y015
+    _WhichOneofReturnType__floor_distance: _TypeAlias = _typing.Literal["floor_distance"]  # noqa: Y015
+    _WhichOneofArgType__floor_distance: _TypeAlias = _typing.Literal["_floor_distance", b"_floor_distance"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__descriptor_residual) -> _WhichOneofReturnType__descriptor_residual | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__floor_distance) -> _WhichOneofReturnType__floor_distance | None: ...
+
+Global___PoseQuality: _TypeAlias = PoseQuality  # noqa: Y015
+
+@_typing.final
+class BonePenetration(_message.Message):
+    """How deep one bone's capsule lies in the object."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    BONE_FIELD_NUMBER: _builtins.int
+    DEPTH_FIELD_NUMBER: _builtins.int
+    VOLUME_FIELD_NUMBER: _builtins.int
+    bone: _builtins.str
+    """VRM 1.0 humanoid bone."""
+    depth: _builtins.float
+    """Of its deepest point [m]."""
+    volume: _builtins.float
+    """Of the part that is inside [m^3]."""
+    def __init__(
+        self,
+        *,
+        bone: _builtins.str = ...,
+        depth: _builtins.float = ...,
+        volume: _builtins.float = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["bone", b"bone", "depth", b"depth", "volume", b"volume"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___BonePenetration: _TypeAlias = BonePenetration  # noqa: Y015
 
 @_typing.final
 class ReferencePose(_message.Message):
@@ -503,6 +753,66 @@ class ReferencePose(_message.Message):
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
 Global___ReferencePose: _TypeAlias = ReferencePose  # noqa: Y015
+
+@_typing.final
+class CreateReferencePoseRequest(_message.Message):
+    """Request of CreateReferencePose."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    OBJECT_FIELD_NUMBER: _builtins.int
+    POSE_FIELD_NUMBER: _builtins.int
+    ACTION_FIELD_NUMBER: _builtins.int
+    TITLE_FIELD_NUMBER: _builtins.int
+    object: _builtins.str
+    """"objects/sha256:<hex>" from UploadObject."""
+    action: _skeleton_pb2.Action.ValueType
+    """SIT or LIE."""
+    title: _builtins.str
+    """One line for people; empty: none."""
+    @_builtins.property
+    def pose(self) -> _skeleton_pb2.Pose:
+        """The pose in that object's world space, of a skeleton that the server knows."""
+
+    def __init__(
+        self,
+        *,
+        object: _builtins.str = ...,
+        pose: _skeleton_pb2.Pose | None = ...,
+        action: _skeleton_pb2.Action.ValueType = ...,
+        title: _builtins.str = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _typing.Literal["pose", b"pose"]  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "object", b"object", "pose", b"pose", "title", b"title"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___CreateReferencePoseRequest: _TypeAlias = CreateReferencePoseRequest  # noqa: Y015
+
+@_typing.final
+class CreateReferencePoseResponse(_message.Message):
+    """Response of CreateReferencePose."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    REFERENCE_POSE_FIELD_NUMBER: _builtins.int
+    @_builtins.property
+    def reference_pose(self) -> Global___ReferencePose:
+        """The reference pose; its name serves in SynthesizeRequest.reference_pose until the server forgets it."""
+
+    def __init__(
+        self,
+        *,
+        reference_pose: Global___ReferencePose | None = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _typing.Literal["reference_pose", b"reference_pose"]  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["reference_pose", b"reference_pose"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___CreateReferencePoseResponse: _TypeAlias = CreateReferencePoseResponse  # noqa: Y015
 
 @_typing.final
 class ListReferencePosesRequest(_message.Message):

@@ -55,6 +55,11 @@ class GoalPoseServiceStub(object):
                 request_serializer=roam_dot_v1_dot_goal__pose__pb2.ListReferencePosesRequest.SerializeToString,
                 response_deserializer=roam_dot_v1_dot_goal__pose__pb2.ListReferencePosesResponse.FromString,
                 _registered_method=True)
+        self.CreateReferencePose = channel.unary_unary(
+                '/roam.v1.GoalPoseService/CreateReferencePose',
+                request_serializer=roam_dot_v1_dot_goal__pose__pb2.CreateReferencePoseRequest.SerializeToString,
+                response_deserializer=roam_dot_v1_dot_goal__pose__pb2.CreateReferencePoseResponse.FromString,
+                _registered_method=True)
 
 
 class GoalPoseServiceServicer(object):
@@ -83,7 +88,14 @@ class GoalPoseServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def ListReferencePoses(self, request, context):
-        """Lists the reference poses that Synthesize can adapt.
+        """Lists the reference poses that the server brings along.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def CreateReferencePose(self, request, context):
+        """Puts a reference pose of the caller's own on an uploaded object; returns its content-addressed name.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -111,6 +123,11 @@ def add_GoalPoseServiceServicer_to_server(servicer, server):
                     servicer.ListReferencePoses,
                     request_deserializer=roam_dot_v1_dot_goal__pose__pb2.ListReferencePosesRequest.FromString,
                     response_serializer=roam_dot_v1_dot_goal__pose__pb2.ListReferencePosesResponse.SerializeToString,
+            ),
+            'CreateReferencePose': grpc.unary_unary_rpc_method_handler(
+                    servicer.CreateReferencePose,
+                    request_deserializer=roam_dot_v1_dot_goal__pose__pb2.CreateReferencePoseRequest.FromString,
+                    response_serializer=roam_dot_v1_dot_goal__pose__pb2.CreateReferencePoseResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -222,6 +239,33 @@ class GoalPoseService(object):
             '/roam.v1.GoalPoseService/ListReferencePoses',
             roam_dot_v1_dot_goal__pose__pb2.ListReferencePosesRequest.SerializeToString,
             roam_dot_v1_dot_goal__pose__pb2.ListReferencePosesResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def CreateReferencePose(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/roam.v1.GoalPoseService/CreateReferencePose',
+            roam_dot_v1_dot_goal__pose__pb2.CreateReferencePoseRequest.SerializeToString,
+            roam_dot_v1_dot_goal__pose__pb2.CreateReferencePoseResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -41,7 +41,9 @@ class GoalPoseServiceStub:
     Synthesize: _grpc.UnaryStreamMultiCallable[_goal_pose_pb2.SynthesizeRequest, _goal_pose_pb2.SynthesizeResponse]
     """Optimises one goal pose and streams progress; the last message has the result."""
     ListReferencePoses: _grpc.UnaryUnaryMultiCallable[_goal_pose_pb2.ListReferencePosesRequest, _goal_pose_pb2.ListReferencePosesResponse]
-    """Lists the reference poses that Synthesize can adapt."""
+    """Lists the reference poses that the server brings along."""
+    CreateReferencePose: _grpc.UnaryUnaryMultiCallable[_goal_pose_pb2.CreateReferencePoseRequest, _goal_pose_pb2.CreateReferencePoseResponse]
+    """Puts a reference pose of the caller's own on an uploaded object; returns its content-addressed name."""
 
 @_typing.type_check_only
 class GoalPoseServiceAsyncStub(GoalPoseServiceStub):
@@ -55,7 +57,9 @@ class GoalPoseServiceAsyncStub(GoalPoseServiceStub):
     Synthesize: _aio.UnaryStreamMultiCallable[_goal_pose_pb2.SynthesizeRequest, _goal_pose_pb2.SynthesizeResponse]  # type: ignore[assignment]
     """Optimises one goal pose and streams progress; the last message has the result."""
     ListReferencePoses: _aio.UnaryUnaryMultiCallable[_goal_pose_pb2.ListReferencePosesRequest, _goal_pose_pb2.ListReferencePosesResponse]  # type: ignore[assignment]
-    """Lists the reference poses that Synthesize can adapt."""
+    """Lists the reference poses that the server brings along."""
+    CreateReferencePose: _aio.UnaryUnaryMultiCallable[_goal_pose_pb2.CreateReferencePoseRequest, _goal_pose_pb2.CreateReferencePoseResponse]  # type: ignore[assignment]
+    """Puts a reference pose of the caller's own on an uploaded object; returns its content-addressed name."""
 
 class GoalPoseServiceServicer(metaclass=_abc_1.ABCMeta):
     """Stateless goal pose synthesis: object geometry plus a reference pose to an adapted pose."""
@@ -90,6 +94,14 @@ class GoalPoseServiceServicer(metaclass=_abc_1.ABCMeta):
         request: _goal_pose_pb2.ListReferencePosesRequest,
         context: _ServicerContext,
     ) -> _typing.Union[_goal_pose_pb2.ListReferencePosesResponse, _abc.Awaitable[_goal_pose_pb2.ListReferencePosesResponse]]:
-        """Lists the reference poses that Synthesize can adapt."""
+        """Lists the reference poses that the server brings along."""
+
+    @_abc_1.abstractmethod
+    def CreateReferencePose(
+        self,
+        request: _goal_pose_pb2.CreateReferencePoseRequest,
+        context: _ServicerContext,
+    ) -> _typing.Union[_goal_pose_pb2.CreateReferencePoseResponse, _abc.Awaitable[_goal_pose_pb2.CreateReferencePoseResponse]]:
+        """Puts a reference pose of the caller's own on an uploaded object; returns its content-addressed name."""
 
 def add_GoalPoseServiceServicer_to_server(servicer: GoalPoseServiceServicer, server: _typing.Union[_grpc.Server, _aio.Server]) -> None: ...
