@@ -34,7 +34,7 @@ def _checked(address: str) -> str:
     if "://" in address:
         raise UsageError(
             f"{address} is a web address",
-            remedy="Write the gRPC address as host:port: what `roam serve` prints behind grpc=, for example localhost:50051.",
+            remedy="Write the gRPC address, host:port: what `roam serve` prints behind grpc=, such as localhost:50051.",
         )
     host, colon, port = address.strip().rpartition(":")
     if not (host and colon and port.isdigit() and 0 < int(port) < 65536):
