@@ -14,6 +14,7 @@ from character.skeleton import Skeleton
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
 from serving.errors import DRAINING, INVALID_ARGUMENT, ServiceError
+from serving.logs import remember
 from serving.skeletons import SKELETON_NOT_FOUND
 
 from motion.live import LiveSessions
@@ -27,6 +28,7 @@ from motion.step import CharacterState, FrameData, Intent
 from motion.store import Claim, SessionRecord, SessionStore, StoreDownError
 from motion.store_memory import MemoryStore
 from motion.stream import FrameStream, Item, StreamStart
+from motion.stream_metrics import StreamMetrics
 from motion.ticker import Ticker
 
 _LONGEST_REQUEST_ID = 64
@@ -78,6 +80,7 @@ class MotionApplication:
             on_health=on_health,
         )
         self.ticker = Ticker(self.sessions, self.ownership, animator.step, frame_rate=FRAME_RATE, registry=registry)
+        self._metrics = StreamMetrics(registry)
         self._animator = animator
         self._skeleton = skeleton
         self._header_skeleton = header_skeleton
@@ -177,6 +180,8 @@ class MotionApplication:
     async def stream(self, opening: motion_pb2.Open) -> AsyncIterator[FrameStream]:
         """Connects a reader to a session for the time of the `async with` block."""
         self._check_open()
+        remember(session=opening.session)
+        here = self.sessions.get(opening.session) is not None
         session = await self.ownership.hold(
             opening.session, after_sequence=opening.after_sequence, insist=bool(opening.resume_token)
         )
@@ -184,8 +189,10 @@ class MotionApplication:
             session = await self.ownership.rewind(session, opening.after_sequence)
         if opening.resume_token == session.record.resume_token:
             session.catch_up(opening.after_sequence, most=self.settings.history_frames)
+            self._metrics.resumed(here=here)
         options = stream_options(opening, burst_frames=self.settings.burst_frames, ack_window=self.settings.ack_window)
-        stream = FrameStream(session, options, self.ticker.wake)
+        count = self._metrics.reader(realtime=options.pacing == motion_pb2.PACING_REALTIME)
+        stream = FrameStream(session, options, self.ticker.wake, count)
         session.streams.add(stream)
         self.ticker.wake()
         try:
@@ -195,12 +202,19 @@ class MotionApplication:
             session.touch()
             self.ticker.wake()
 
+    def acknowledge(self, name: str, stream_id: str, ack: motion_pb2.Ack) -> None:
+        """Acknowledges frames of one stream; none that this replica knows is no error, the stream may just have ended."""
+        session = self.sessions.get(name)
+        for stream in session.streams if session else ():
+            if stream.id == stream_id:
+                stream.acknowledge(ack.sequence, ack.credit)
+
     def response(self, stream: FrameStream, item: Item) -> motion_pb2.AnimateResponse:
         """An item of a stream as the message that carries it."""
         if isinstance(item, FrameRecord):
             return frame_message(item, stream.session, stream.options)
         if isinstance(item, StreamStart):
-            header = header_message(stream.session, stream.options, item, self._header_skeleton)
+            header = header_message(stream, item, self._header_skeleton)
             return motion_pb2.AnimateResponse(header=header)
         return motion_pb2.AnimateResponse(event=item)
 
@@ -223,6 +237,7 @@ class MotionApplication:
         )
 
     async def _hold(self, name: str) -> Session:
+        remember(session=name)
         # A gateway that routes by session says with every request where the session belongs: after a replica came
         # back, its sessions come home to it.
         return await self.ownership.hold(name, insist=self.settings.session_header)

@@ -7,6 +7,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from uuid import uuid4
 
 from roam.v1 import motion_pb2
 from serving.errors import INVALID_ARGUMENT, ServiceError
@@ -44,8 +45,15 @@ Item = StreamStart | FrameRecord | Event
 class FrameStream:
     """An asynchronous iterator of StreamStart, then frames and events, until the session ends or the reader goes."""
 
-    def __init__(self, session: Session, options: StreamOptions, demand: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        session: Session,
+        options: StreamOptions,
+        demand: Callable[[], None],
+        told: Callable[[Item], None] = lambda item: None,
+    ) -> None:
         _check(session, options)
+        self.id = uuid4().hex[:12]
         self.session = session
         self.options = options
         self.realtime = options.pacing == motion_pb2.PACING_REALTIME
@@ -58,6 +66,7 @@ class FrameStream:
         self._events: deque[tuple[int, Event]] = deque()
         self._finished = False
         self._awake = asyncio.Event()
+        self._told = told  # sees every item that the reader gets
         self._demand = demand  # tells the ticker that this reader may want a frame
         reached = session.reached
         if options.after_sequence and reached is not None and reached.sequence >= options.after_sequence:
@@ -113,6 +122,8 @@ class FrameStream:
     def next(self) -> Item | None:
         """What the reader can have right now, if anything."""
         item = self._take()
+        if item is not None:
+            self._told(item)
         if not self.realtime:
             self._demand()
         return item
