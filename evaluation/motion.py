@@ -94,7 +94,7 @@ def grouped(runs: list[Approach]) -> dict[str, dict[str, float]]:
 
 
 def beside_clips(figure: Figure, takes: Sequence[Track], folders: Sequence[Path]) -> dict[str, object]:
-    """The same measures of captured people, and how far made walking is from held-out walking, and other real walking."""
+    """The same measures of captured people, and how far made and other real walking are from held-out walking."""
     held_out, kept = read_tracks(figure, folders)
     real = features_of(figure, held_out)
     return {
