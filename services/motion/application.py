@@ -203,7 +203,7 @@ class MotionApplication:
             self.ticker.wake()
 
     def acknowledge(self, name: str, stream_id: str, ack: motion_pb2.Ack) -> None:
-        """Acknowledges frames of one stream; none that this replica knows is no error, the stream may just have ended."""
+        """Acknowledges frames of one stream. One that is not known is no error: it may just have ended."""
         session = self.sessions.get(name)
         for stream in session.streams if session else ():
             if stream.id == stream_id:

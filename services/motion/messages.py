@@ -17,7 +17,7 @@ from motion.errors import GOAL_INVALID
 from motion.sessions import ControlChange, FrameRecord, Session
 from motion.state import FRAME_RATE
 from motion.step import Goal, Idle, Steer
-from motion.stream import StreamOptions, StreamStart
+from motion.stream import FrameStream, StreamOptions, StreamStart
 from motion.ways import Outline
 
 CONTACTS = ("leftFoot", "leftToes", "rightFoot", "rightToes")
@@ -48,10 +48,9 @@ def session_message(session: Session) -> motion_pb2.Session:
     )
 
 
-def header_message(
-    session: Session, options: StreamOptions, start: StreamStart, skeleton: skeleton_pb2.Skeleton
-) -> motion_pb2.StreamHeader:
+def header_message(stream: FrameStream, start: StreamStart, skeleton: skeleton_pb2.Skeleton) -> motion_pb2.StreamHeader:
     """The first message of a stream; the skeleton shrinks to its id when the reader has it."""
+    session, options = stream.session, stream.options
     if options.known_skeleton_id == skeleton.id:
         skeleton = skeleton_pb2.Skeleton(id=skeleton.id)
     return motion_pb2.StreamHeader(
@@ -66,6 +65,7 @@ def header_message(
         last_control_id=session.last_control_id,
         exact=session.exact,
         pacing=options.pacing,  # type: ignore[arg-type]
+        stream=stream.id,
     )
 
 

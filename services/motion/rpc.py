@@ -58,6 +58,11 @@ class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
         effective = await self._application().control(request.session, request.control)
         return motion_pb2.ControlResponse(effective_sequence=effective)
 
+    async def Acknowledge(self, request: motion_pb2.AcknowledgeRequest, context: Any) -> motion_pb2.AcknowledgeResponse:
+        """Acknowledges frames of WatchFrames."""
+        self._application().acknowledge(request.session, request.stream, request.ack)
+        return motion_pb2.AcknowledgeResponse()
+
     async def WatchFrames(
         self, request: motion_pb2.WatchFramesRequest, context: Any
     ) -> AsyncIterator[motion_pb2.WatchFramesResponse]:

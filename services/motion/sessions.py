@@ -42,6 +42,7 @@ class ControlChange:
 class Reader(Protocol):
     """A connected stream, as its session sees it."""
 
+    id: str
     realtime: bool
 
     @property
@@ -54,6 +55,9 @@ class Reader(Protocol):
 
     def wake(self) -> None:
         """Lets it look again."""
+
+    def acknowledge(self, sequence: int, credit: int) -> None:
+        """The reader has frames up to `sequence` and can take `credit` more."""
 
     def put_event(self, event: Event, *, after: int) -> None:
         """Queues an event behind frame `after`."""

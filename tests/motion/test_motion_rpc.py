@@ -2,8 +2,10 @@
 
 import asyncio
 import itertools
+import json
 
 import grpc
+import httpx
 import numpy as np
 import pytest
 import websockets
@@ -231,21 +233,33 @@ async def test_floor_height_lifts_the_frames_and_lowers_the_goals(stub):
     assert distances[0] == distances[1]
 
 
-async def test_websocket_carries_the_same_bytes_as_grpc(stub, motion_addresses):
+async def test_every_transport_tells_the_same(stub, motion_addresses):
     session = await create(stub)
-    opening = motion_pb2.AnimateRequest(
-        open=motion_pb2.Open(session=session.name, pacing=motion_pb2.PACING_CREDIT, credit=3, after_sequence=0)
-    )
-    call = stub.Animate(iter([opening]))
-    over_grpc = [(await call.read()).SerializeToString(deterministic=True) for _ in range(4)]
-    call.cancel()
+    opening = motion_pb2.Open(session=session.name, pacing=motion_pb2.PACING_BURST, joint_positions=True)
+    animate = stub.Animate(iter([motion_pb2.AnimateRequest(open=opening)]))
+    first = [await animate.read() for _ in range(4)]
+    watch = stub.WatchFrames(motion_pb2.WatchFramesRequest(open=opening))
+    second = [(await watch.read()).message for _ in range(4)]
     async with websockets.connect(websocket_address(motion_addresses, session)) as socket:
-        await socket.send(opening.SerializeToString())
-        over_websocket = [await socket.recv() for _ in range(4)]
-    assert [motion_pb2.AnimateResponse.FromString(data) for data in over_websocket] == [
-        motion_pb2.AnimateResponse.FromString(data) for data in over_grpc
-    ]
-    assert over_websocket[1:] == over_grpc[1:]
+        await socket.send(motion_pb2.AnimateRequest(open=opening).SerializeToString())
+        third = [motion_pb2.AnimateResponse.FromString(await socket.recv()) for _ in range(4)]
+    address = f"{motion_addresses.http}/v1/{session.name}/frames?pacing=burst&count=3&positions=true"
+    async with httpx.AsyncClient() as client:
+        header, *lines = [json.loads(line) for line in (await client.get(address, timeout=30)).text.splitlines()]
+    animate.cancel()
+    watch.cancel()
+    for responses in (first, second, third):
+        assert responses[0].header.stream
+        responses[0].header.stream = ""
+    assert first == second == third
+    assert header["first_sequence"] == first[0].header.first_sequence
+    for line, response in zip(lines, first[1:], strict=True):
+        frame = response.frame
+        assert (line["sequence"], line["time"]) == (frame.sequence, frame.time)
+        assert np.float32(line["rotations"]).tobytes() == frame.rotations
+        assert np.float32(line["joint_positions"]).tobytes() == frame.joint_positions
+        assert np.float32(line["root_position"] + line["rotations"][0]).tobytes() == frame.root
+        assert [frame.contacts >> bit & 1 == 1 for bit in range(4)] == line["contacts"]
 
 
 @pytest.mark.parametrize(

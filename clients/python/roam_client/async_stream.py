@@ -112,13 +112,16 @@ class AsyncStream:
         return received
 
     async def _flush(self) -> None:
-        for request in self._state.take_outbox():
+        requests = self._state.take_outbox()
+        for request in requests:
             if self._duplex:
                 await self._write(request)
             elif request.HasField("control"):
                 await self._stub.Control(
                     motion_pb2.ControlRequest(session=self._state.session, control=request.control)
                 )
+        if not self._duplex and (acknowledgement := self._state.acknowledgement(requests)):
+            await self._stub.Acknowledge(acknowledgement)
 
     async def _write(self, request: motion_pb2.AnimateRequest) -> None:
         try:

@@ -23,6 +23,8 @@ BURST = motion_pb2.PACING_BURST
 _ENCODINGS = {"float32": motion_pb2.ROTATION_ENCODING_FLOAT32, "snorm16": motion_pb2.ROTATION_ENCODING_SNORM16}
 _PACINGS = {"realtime": REALTIME, "credit": CREDIT, "burst": BURST}
 
+_FRAMES_PER_CALL = 4  # acknowledged by one call beside WatchFrames
+
 Item = Header | Frame | Event
 
 
@@ -58,6 +60,8 @@ class StreamState:
     ended: bool = False
     _skeleton: Skeleton | None = None
     _resume_token: str = ""
+    _stream: str = ""
+    _acknowledged: int = -_FRAMES_PER_CALL  # last frame of the last `acknowledgement`
     _unconfirmed: dict[int, motion_pb2.ControlInput] = field(default_factory=dict)
 
     def opening(self) -> motion_pb2.Open:
@@ -100,7 +104,10 @@ class StreamState:
         self._resume_token = message.resume_token or self._resume_token
         self._confirm(message.last_control_id)
         self.counter.at_least(message.last_control_id)
+        self._stream, self._acknowledged = message.stream, -_FRAMES_PER_CALL
         self.outbox += [motion_pb2.AnimateRequest(control=c) for _, c in sorted(self._unconfirmed.items())]
+        if self.pacing == "realtime":  # from the first Ack on, frames do not pile up on their way
+            self._acknowledge(0)
         return self.header
 
     def _receive_frame(self, message: motion_pb2.Frame) -> Frame | None:
@@ -110,8 +117,7 @@ class StreamState:
             return None
         self.after_sequence = message.sequence
         if self.pacing != "burst":
-            credit = 1 if self.pacing == "credit" else 0
-            self.outbox.append(motion_pb2.AnimateRequest(ack=motion_pb2.Ack(sequence=message.sequence, credit=credit)))
+            self._acknowledge(1 if self.pacing == "credit" else 0)
         return Frame.from_message(message, self.header)
 
     def _receive_event(self, message: motion_pb2.SessionEvent) -> Event:
@@ -120,6 +126,18 @@ class StreamState:
             self._unconfirmed.pop(event.control_id, None)
         self.ended = self.ended or event.type is EventType.SESSION_ENDED
         return event
+
+    def _acknowledge(self, credit: int) -> None:
+        ack = motion_pb2.Ack(sequence=self.after_sequence, credit=credit)
+        self.outbox.append(motion_pb2.AnimateRequest(ack=ack))
+
+    def acknowledgement(self, requests: Sequence[motion_pb2.AnimateRequest]) -> motion_pb2.AcknowledgeRequest | None:
+        """The acknowledgements among some requests in one, for a stream that cannot carry them; every few frames."""
+        acks = [request.ack for request in requests if request.HasField("ack")]
+        if not acks or not self._stream or acks[-1].sequence < self._acknowledged + _FRAMES_PER_CALL:
+            return None
+        self._acknowledged = acks[-1].sequence
+        return motion_pb2.AcknowledgeRequest(session=self.session, stream=self._stream, ack=acks[-1])
 
     def _confirm(self, last_control_id: int) -> None:
         for control_id in [c for c in self._unconfirmed if c <= last_control_id]:

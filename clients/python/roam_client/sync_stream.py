@@ -113,11 +113,14 @@ class Stream:
         return message if message is None or self._duplex else message.message
 
     def _flush(self) -> None:
-        for request in self._state.take_outbox():
+        requests = self._state.take_outbox()
+        for request in requests:
             if self._duplex:
                 self._requests.put(request)
             elif request.HasField("control"):
                 self._stub.Control(motion_pb2.ControlRequest(session=self._state.session, control=request.control))
+        if not self._duplex and (acknowledgement := self._state.acknowledgement(requests)):
+            self._stub.Acknowledge(acknowledgement)
 
     def _resume(self) -> None:
         for delay in resume_delays(self._resume_for):

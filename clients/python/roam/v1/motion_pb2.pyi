@@ -127,6 +127,7 @@ class StreamHeader(_message.Message):
     LAST_CONTROL_ID_FIELD_NUMBER: _builtins.int
     EXACT_FIELD_NUMBER: _builtins.int
     PACING_FIELD_NUMBER: _builtins.int
+    STREAM_FIELD_NUMBER: _builtins.int
     session: _builtins.str
     """Session resource name: "sessions/{id}"."""
     rotation_encoding: Global___RotationEncoding.ValueType
@@ -145,6 +146,8 @@ class StreamHeader(_message.Message):
     """After a resume: the frames equal those of an unbroken run bit for bit."""
     pacing: Global___Pacing.ValueType
     """Pacing in force."""
+    stream: _builtins.str
+    """Name of this stream within its session, for Acknowledge."""
     @_builtins.property
     def skeleton(self) -> _skeleton_pb2.Skeleton:
         """The skeleton; only id is set when the client said it knows it."""
@@ -167,10 +170,11 @@ class StreamHeader(_message.Message):
         last_control_id: _builtins.int = ...,
         exact: _builtins.bool = ...,
         pacing: Global___Pacing.ValueType = ...,
+        stream: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["skeleton", b"skeleton"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["contact_joints", b"contact_joints", "discontinuity", b"discontinuity", "exact", b"exact", "first_sequence", b"first_sequence", "frame_rate", b"frame_rate", "last_control_id", b"last_control_id", "pacing", b"pacing", "resume_token", b"resume_token", "rotation_encoding", b"rotation_encoding", "session", b"session", "skeleton", b"skeleton"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["contact_joints", b"contact_joints", "discontinuity", b"discontinuity", "exact", b"exact", "first_sequence", b"first_sequence", "frame_rate", b"frame_rate", "last_control_id", b"last_control_id", "pacing", b"pacing", "resume_token", b"resume_token", "rotation_encoding", b"rotation_encoding", "session", b"session", "skeleton", b"skeleton", "stream", b"stream"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -685,6 +689,55 @@ class ControlResponse(_message.Message):
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
 Global___ControlResponse: _TypeAlias = ControlResponse  # noqa: Y015
+
+@_typing.final
+class AcknowledgeRequest(_message.Message):
+    """Request of Acknowledge."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    SESSION_FIELD_NUMBER: _builtins.int
+    STREAM_FIELD_NUMBER: _builtins.int
+    ACK_FIELD_NUMBER: _builtins.int
+    session: _builtins.str
+    """Session resource name."""
+    stream: _builtins.str
+    """StreamHeader.stream; one that has ended is no error."""
+    @_builtins.property
+    def ack(self) -> Global___Ack:
+        """The acknowledgement."""
+
+    def __init__(
+        self,
+        *,
+        session: _builtins.str = ...,
+        stream: _builtins.str = ...,
+        ack: Global___Ack | None = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _typing.Literal["ack", b"ack"]  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["ack", b"ack", "session", b"session", "stream", b"stream"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___AcknowledgeRequest: _TypeAlias = AcknowledgeRequest  # noqa: Y015
+
+@_typing.final
+class AcknowledgeResponse(_message.Message):
+    """Response of Acknowledge."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___AcknowledgeResponse: _TypeAlias = AcknowledgeResponse  # noqa: Y015
 
 @_typing.final
 class Session(_message.Message):

@@ -70,6 +70,11 @@ class MotionServiceStub(object):
                 request_serializer=roam_dot_v1_dot_motion__pb2.ControlRequest.SerializeToString,
                 response_deserializer=roam_dot_v1_dot_motion__pb2.ControlResponse.FromString,
                 _registered_method=True)
+        self.Acknowledge = channel.unary_unary(
+                '/roam.v1.MotionService/Acknowledge',
+                request_serializer=roam_dot_v1_dot_motion__pb2.AcknowledgeRequest.SerializeToString,
+                response_deserializer=roam_dot_v1_dot_motion__pb2.AcknowledgeResponse.FromString,
+                _registered_method=True)
 
 
 class MotionServiceServicer(object):
@@ -125,6 +130,13 @@ class MotionServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def Acknowledge(self, request, context):
+        """What Ack is on Animate, for a stream of WatchFrames.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_MotionServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
@@ -162,6 +174,11 @@ def add_MotionServiceServicer_to_server(servicer, server):
                     servicer.Control,
                     request_deserializer=roam_dot_v1_dot_motion__pb2.ControlRequest.FromString,
                     response_serializer=roam_dot_v1_dot_motion__pb2.ControlResponse.SerializeToString,
+            ),
+            'Acknowledge': grpc.unary_unary_rpc_method_handler(
+                    servicer.Acknowledge,
+                    request_deserializer=roam_dot_v1_dot_motion__pb2.AcknowledgeRequest.FromString,
+                    response_serializer=roam_dot_v1_dot_motion__pb2.AcknowledgeResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -354,6 +371,33 @@ class MotionService(object):
             '/roam.v1.MotionService/Control',
             roam_dot_v1_dot_motion__pb2.ControlRequest.SerializeToString,
             roam_dot_v1_dot_motion__pb2.ControlResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def Acknowledge(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/roam.v1.MotionService/Acknowledge',
+            roam_dot_v1_dot_motion__pb2.AcknowledgeRequest.SerializeToString,
+            roam_dot_v1_dot_motion__pb2.AcknowledgeResponse.FromString,
             options,
             channel_credentials,
             insecure,

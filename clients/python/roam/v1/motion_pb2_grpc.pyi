@@ -48,6 +48,8 @@ class MotionServiceStub:
     """Frames only; pairs with Control where the client has no bidi (gRPC-Web, Connect, HTTP/1.1)."""
     Control: _grpc.UnaryUnaryMultiCallable[_motion_pb2.ControlRequest, _motion_pb2.ControlResponse]
     """Applies one control message to a session."""
+    Acknowledge: _grpc.UnaryUnaryMultiCallable[_motion_pb2.AcknowledgeRequest, _motion_pb2.AcknowledgeResponse]
+    """What Ack is on Animate, for a stream of WatchFrames."""
 
 @_typing.type_check_only
 class MotionServiceAsyncStub(MotionServiceStub):
@@ -68,6 +70,8 @@ class MotionServiceAsyncStub(MotionServiceStub):
     """Frames only; pairs with Control where the client has no bidi (gRPC-Web, Connect, HTTP/1.1)."""
     Control: _aio.UnaryUnaryMultiCallable[_motion_pb2.ControlRequest, _motion_pb2.ControlResponse]  # type: ignore[assignment]
     """Applies one control message to a session."""
+    Acknowledge: _aio.UnaryUnaryMultiCallable[_motion_pb2.AcknowledgeRequest, _motion_pb2.AcknowledgeResponse]  # type: ignore[assignment]
+    """What Ack is on Animate, for a stream of WatchFrames."""
 
 class MotionServiceServicer(metaclass=_abc_1.ABCMeta):
     """Stateful character motion: one session is one character approaching one goal."""
@@ -127,5 +131,13 @@ class MotionServiceServicer(metaclass=_abc_1.ABCMeta):
         context: _ServicerContext,
     ) -> _typing.Union[_motion_pb2.ControlResponse, _abc.Awaitable[_motion_pb2.ControlResponse]]:
         """Applies one control message to a session."""
+
+    @_abc_1.abstractmethod
+    def Acknowledge(
+        self,
+        request: _motion_pb2.AcknowledgeRequest,
+        context: _ServicerContext,
+    ) -> _typing.Union[_motion_pb2.AcknowledgeResponse, _abc.Awaitable[_motion_pb2.AcknowledgeResponse]]:
+        """What Ack is on Animate, for a stream of WatchFrames."""
 
 def add_MotionServiceServicer_to_server(servicer: MotionServiceServicer, server: _typing.Union[_grpc.Server, _aio.Server]) -> None: ...
