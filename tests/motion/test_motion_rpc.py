@@ -235,7 +235,8 @@ async def test_floor_height_lifts_the_frames_and_lowers_the_goals(stub):
 
 async def test_every_transport_tells_the_same(stub, motion_addresses):
     session = await create(stub)
-    opening = motion_pb2.Open(session=session.name, pacing=motion_pb2.PACING_BURST, joint_positions=True)
+    credit = motion_pb2.PACING_CREDIT
+    opening = motion_pb2.Open(session=session.name, pacing=credit, credit=3, joint_positions=True)
     animate = stub.Animate(iter([motion_pb2.AnimateRequest(open=opening)]))
     first = [await animate.read() for _ in range(4)]
     watch = stub.WatchFrames(motion_pb2.WatchFramesRequest(open=opening))
@@ -243,11 +244,11 @@ async def test_every_transport_tells_the_same(stub, motion_addresses):
     async with websockets.connect(websocket_address(motion_addresses, session)) as socket:
         await socket.send(motion_pb2.AnimateRequest(open=opening).SerializeToString())
         third = [motion_pb2.AnimateResponse.FromString(await socket.recv()) for _ in range(4)]
+    animate.cancel()
+    watch.cancel()
     address = f"{motion_addresses.http}/v1/{session.name}/frames?pacing=burst&count=3&positions=true"
     async with httpx.AsyncClient() as client:
         header, *lines = [json.loads(line) for line in (await client.get(address, timeout=30)).text.splitlines()]
-    animate.cancel()
-    watch.cancel()
     for responses in (first, second, third):
         assert responses[0].header.stream
         responses[0].header.stream = ""
