@@ -115,13 +115,16 @@ class Stack:
         return dict(json.loads(self.docker("inspect", container))[0])
 
     def metric(self, container: str, name: str) -> float:
-        """A metric of one replica, read inside its container."""
+        """A metric of one replica, read inside its container; 0 where it does not answer or never counted."""
         read = "import urllib.request as r; print(r.urlopen('http://127.0.0.1:8080/metrics').read().decode())"
-        text = self.docker("exec", container, "python", "-c", read)
-        return next(float(line.split()[-1]) for line in text.splitlines() if line.startswith(f"{name} "))
+        try:
+            text = self.docker("exec", container, "python", "-c", read)
+        except AssertionError:
+            return 0.0
+        return next((float(line.split()[-1]) for line in text.splitlines() if line.startswith(f"{name} ")), 0.0)
 
     def owner(self) -> str:
-        """The motion replica that holds the only session there is."""
+        """The motion replica that sends the only stream there is."""
         return next(name for name in self.containers("motion") if self.metric(name, "roam_motion_streams") > 0)
 
 

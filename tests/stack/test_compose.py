@@ -15,6 +15,7 @@ from compose_stack import Stack, engine_answers, engine_scripts, stack
 from roam_client import Action, Client, Frame, InvalidRequestError, Placement
 
 SEAT_HEIGHT = 0.45
+TAKEN_OVER = 'roam_motion_resumes_total{path="store"}'
 
 
 def why_not() -> str:
@@ -205,7 +206,8 @@ def test_a_stream_survives_the_end_of_its_replica(running: Stack, end: Callable[
         owner = running.owner()
         end(running, owner)
         watch.wait(60)
-        assert running.owner() != owner
+        resumes = [running.metric(name, TAKEN_OVER) for name in running.containers("motion") if name != owner]
+        assert sum(resumes) >= 1
         running.up()  # a stopped one is started again, a crashed one starts by itself
         healthy(running, owner)
         watch.wait(60)
