@@ -73,13 +73,14 @@ def frame_message(record: FrameRecord, session: Session, options: StreamOptions)
     """A frame packed as the stream wants it; packed once for all readers that want the same."""
     key = (options.encoding, options.joint_positions)
     if key not in record.packed:
-        record.packed[key] = motion_pb2.AnimateResponse(frame=_pack_frame(record, session, options))
+        record.packed[key] = motion_pb2.AnimateResponse(frame=pack_frame(record, session.floor_height, options))
     return record.packed[key]
 
 
-def _pack_frame(record: FrameRecord, session: Session, options: StreamOptions) -> motion_pb2.Frame:
+def pack_frame(record: FrameRecord, floor_height: float, options: StreamOptions) -> motion_pb2.Frame:
+    """A frame as the protocol has it; the character walks at 0, the floor is at `floor_height` [m]."""
     data = record.data
-    floor = np.array([0, session.floor_height, 0], np.float32)
+    floor = np.array([0, floor_height, 0], np.float32)
     snorm16 = options.encoding == motion_pb2.ROTATION_ENCODING_SNORM16
     contacts = sum(1 << bit for bit, touching in enumerate(data.contacts) if touching)
     frame = motion_pb2.Frame(

@@ -12,7 +12,7 @@ class MotionSettings(ServerSettings):
     max_idle_timeout: float = Field(3600.0, gt=0, description="longest idle timeout a client may ask for [s]")
     ring_frames: int = Field(900, ge=2, description="frames kept per session, for clients that come back")
     burst_frames: int = Field(60, ge=1, description="how far a BURST stream is computed ahead of its reader [frames]")
-    ack_window: int = Field(12, ge=1, description="unacknowledged frames that a client which acknowledges may have")
+    ack_window: int = Field(12, ge=4, description="unacknowledged frames that a client which acknowledges may have")
     motion_weights: str = Field("", description="weights of the network; empty: the shipped ones")
     goal_tolerance: float = Field(0.05, gt=0, description="mean joint distance at which a goal counts as reached [m]")
     session_store: str = Field(

@@ -108,6 +108,7 @@ class Ticker:
                 session.under_way = 0
         self.metrics.step_seconds.observe((perf_counter() - start) / frames)
         self.metrics.ticks.inc(frames)
+        self.metrics.frames.inc(sum(len(of_session) for of_session in results))
         self.metrics.batch.observe(len(sessions))
         if not self._ownership.valid:
             return  # too late: another replica may be computing these frames, and nobody has seen them here
@@ -147,7 +148,6 @@ class Ticker:
                     raise result
                 session.advance(*result)
                 self._ownership.advanced(session)
-                self.metrics.frames.inc()
         except Exception as error:
             log.error("session ended by an error", session=session.name, exc_info=error)
             self.metrics.failures.inc()

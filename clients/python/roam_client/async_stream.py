@@ -112,16 +112,15 @@ class AsyncStream:
         return received
 
     async def _flush(self) -> None:
-        requests = self._state.take_outbox()
-        for request in requests:
+        for request in self._state.take_outbox():
             if self._duplex:
                 await self._write(request)
             elif request.HasField("control"):
                 await self._stub.Control(
                     motion_pb2.ControlRequest(session=self._state.session, control=request.control)
                 )
-        if not self._duplex and (acknowledgement := self._state.acknowledgement(requests)):
-            await self._stub.Acknowledge(acknowledgement)
+            elif acknowledgement := self._state.acknowledgement(request):
+                await self._stub.Acknowledge(acknowledgement)
 
     async def _write(self, request: motion_pb2.AnimateRequest) -> None:
         try:

@@ -23,7 +23,7 @@ BURST = motion_pb2.PACING_BURST
 _ENCODINGS = {"float32": motion_pb2.ROTATION_ENCODING_FLOAT32, "snorm16": motion_pb2.ROTATION_ENCODING_SNORM16}
 _PACINGS = {"realtime": REALTIME, "credit": CREDIT, "burst": BURST}
 
-_FRAMES_PER_CALL = 4  # acknowledged by one call beside WatchFrames
+_FRAMES_PER_ACK = 4  # well below any server's ack_window
 
 Item = Header | Frame | Event
 
@@ -61,7 +61,7 @@ class StreamState:
     _skeleton: Skeleton | None = None
     _resume_token: str = ""
     _stream: str = ""
-    _acknowledged: int = -_FRAMES_PER_CALL  # last frame of the last `acknowledgement`
+    _acknowledged: int = 0
     _unconfirmed: dict[int, motion_pb2.ControlInput] = field(default_factory=dict)
 
     def opening(self) -> motion_pb2.Open:
@@ -104,7 +104,7 @@ class StreamState:
         self._resume_token = message.resume_token or self._resume_token
         self._confirm(message.last_control_id)
         self.counter.at_least(message.last_control_id)
-        self._stream, self._acknowledged = message.stream, -_FRAMES_PER_CALL
+        self._stream = message.stream
         self.outbox += [motion_pb2.AnimateRequest(control=c) for _, c in sorted(self._unconfirmed.items())]
         if self.pacing == "realtime":  # from the first Ack on, frames do not pile up on their way
             self._acknowledge(0)
@@ -117,7 +117,7 @@ class StreamState:
             return None
         self.after_sequence = message.sequence
         if self.pacing != "burst":
-            self._acknowledge(1 if self.pacing == "credit" else 0)
+            self._acknowledge_frame()
         return Frame.from_message(message, self.header)
 
     def _receive_event(self, message: motion_pb2.SessionEvent) -> Event:
@@ -127,17 +127,23 @@ class StreamState:
         self.ended = self.ended or event.type is EventType.SESSION_ENDED
         return event
 
+    def _acknowledge_frame(self) -> None:
+        """Every frame that was paid for; now and then in real time, which keeps the server's window as open."""
+        if self.pacing == "credit":
+            self._acknowledge(1)
+        elif self.after_sequence >= self._acknowledged + _FRAMES_PER_ACK:
+            self._acknowledge(0)
+
     def _acknowledge(self, credit: int) -> None:
+        self._acknowledged = self.after_sequence
         ack = motion_pb2.Ack(sequence=self.after_sequence, credit=credit)
         self.outbox.append(motion_pb2.AnimateRequest(ack=ack))
 
-    def acknowledgement(self, requests: Sequence[motion_pb2.AnimateRequest]) -> motion_pb2.AcknowledgeRequest | None:
-        """The acknowledgements among some requests in one, for a stream that cannot carry them; every few frames."""
-        acks = [request.ack for request in requests if request.HasField("ack")]
-        if not acks or not self._stream or acks[-1].sequence < self._acknowledged + _FRAMES_PER_CALL:
+    def acknowledgement(self, request: motion_pb2.AnimateRequest) -> motion_pb2.AcknowledgeRequest | None:
+        """An acknowledgement as a call of its own, for a stream that cannot carry it; None where there is none."""
+        if not request.HasField("ack") or not self._stream:
             return None
-        self._acknowledged = acks[-1].sequence
-        return motion_pb2.AcknowledgeRequest(session=self.session, stream=self._stream, ack=acks[-1])
+        return motion_pb2.AcknowledgeRequest(session=self.session, stream=self._stream, ack=request.ack)
 
     def _confirm(self, last_control_id: int) -> None:
         for control_id in [c for c in self._unconfirmed if c <= last_control_id]:

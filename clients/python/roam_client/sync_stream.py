@@ -113,14 +113,13 @@ class Stream:
         return message if message is None or self._duplex else message.message
 
     def _flush(self) -> None:
-        requests = self._state.take_outbox()
-        for request in requests:
+        for request in self._state.take_outbox():
             if self._duplex:
                 self._requests.put(request)
             elif request.HasField("control"):
                 self._stub.Control(motion_pb2.ControlRequest(session=self._state.session, control=request.control))
-        if not self._duplex and (acknowledgement := self._state.acknowledgement(requests)):
-            self._stub.Acknowledge(acknowledgement)
+            elif acknowledgement := self._state.acknowledgement(request):
+                self._stub.Acknowledge(acknowledgement)
 
     def _resume(self) -> None:
         for delay in resume_delays(self._resume_for):

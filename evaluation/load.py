@@ -1,0 +1,152 @@
+"""`roam evaluate load`: how many characters one motion server carries in real time, and how evenly their frames come.
+
+Every session has one reader, as a game would have: Animate, REALTIME, snorm16, acknowledging. Readers run in
+this process, the server in another; on a machine with few processors they take time from each other.
+
+    python -m evaluation.load [--sessions 1,8,32,64] [--seconds 10] [--takeovers 10] [--json FILE]
+"""
+
+import argparse
+import asyncio
+import json
+import platform
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import grpc
+import numpy as np
+import psutil
+from roam.v1 import motion_pb2, motion_pb2_grpc
+
+from evaluation.frame_encoding import measure_encoding
+from evaluation.server_process import ServerProcess, motion_servers
+from evaluation.takeover import measure_stall, measure_takeovers
+
+_RATE = 30.0  # [Hz]
+_FRAMES_PER_ACK = 4  # as the Python client does
+_SETTLING = 1.0  # the first second of every stream is not counted [s]
+
+
+@dataclass
+class Reader:
+    """What one reader saw."""
+
+    first_frame: float = 0.0  # from opening the stream [s]
+    times: list[float] = field(default_factory=list)
+    sequences: list[int] = field(default_factory=list)
+    skipped: int = 0
+
+    def interval_errors(self) -> np.ndarray:
+        """How far the time between two frames is from what their sequences say [s]."""
+        times, sequences = np.array(self.times), np.array(self.sequences)
+        counted = times > times[0] + _SETTLING
+        return np.diff(times[counted]) - np.diff(sequences[counted]) / _RATE
+
+
+async def read(stub: Any, seconds: float, delay: float) -> Reader:
+    """A character that is steered in a circle, read for some seconds."""
+    await asyncio.sleep(delay)
+    created = await stub.CreateSession(motion_pb2.CreateSessionRequest())
+    name, reader = created.session.name, Reader()
+    call = stub.Animate()
+    encodings = [motion_pb2.ROTATION_ENCODING_SNORM16]
+    began = time.perf_counter()
+    await call.write(_request(open=motion_pb2.Open(session=name, rotation_encodings=encodings)))
+    steer = motion_pb2.Steer(velocity_z=1.0)
+    await call.write(_request(control=motion_pb2.ControlInput(control_id=1, steer=steer)))
+    while time.perf_counter() < began + seconds:
+        response = await call.read()
+        now = time.perf_counter()
+        if response.HasField("event"):
+            reader.skipped += response.event.skipped_count
+        if response.HasField("frame"):
+            reader.first_frame = reader.first_frame or now - began
+            reader.times.append(now)
+            reader.sequences.append(response.frame.sequence)
+            if len(reader.times) % _FRAMES_PER_ACK == 1:
+                await call.write(_request(ack=motion_pb2.Ack(sequence=response.frame.sequence)))
+    call.cancel()
+    await stub.DeleteSession(motion_pb2.DeleteSessionRequest(name=name))
+    return reader
+
+
+def _request(**message: object) -> motion_pb2.AnimateRequest:
+    return motion_pb2.AnimateRequest(**message)  # type: ignore[arg-type]
+
+
+async def load(server: ServerProcess, sessions: int, seconds: float) -> dict[str, float]:
+    """The figures of so many sessions at once; times in milliseconds."""
+    async with grpc.aio.insecure_channel(server.grpc) as channel:
+        stub = motion_pb2_grpc.MotionServiceStub(channel)
+        before, own, began = server.processor_seconds(), time.process_time(), time.perf_counter()
+        readers = await asyncio.gather(*(read(stub, seconds, 0.5 * i / sessions) for i in range(sessions)))
+        busy, own = server.processor_seconds() - before, time.process_time() - own
+        elapsed = time.perf_counter() - began
+    errors = np.abs(np.concatenate([reader.interval_errors() for reader in readers])) * 1e3
+    first = np.array([reader.first_frame for reader in readers]) * 1e3
+    frames = sum(len(reader.times) for reader in readers)
+    moved = sum(reader.sequences[-1] - reader.sequences[0] for reader in readers)
+    lasted = sum(reader.times[-1] - reader.times[0] for reader in readers)
+    return {
+        "sessions": sessions,
+        "frames_per_session_second": moved / lasted,
+        "interval_error_p50": float(np.percentile(errors, 50)),
+        "interval_error_p95": float(np.percentile(errors, 95)),
+        "interval_error_p99": float(np.percentile(errors, 99)),
+        "interval_error_worst": float(errors.max()),
+        "first_frame_p50": float(np.percentile(first, 50)),
+        "first_frame_p99": float(np.percentile(first, 99)),
+        "skipped_frames": sum(reader.skipped for reader in readers),
+        "server_processors": busy / elapsed,
+        "server_ms_per_frame": busy / frames * 1e3,
+        "client_processors": own / elapsed,
+    }
+
+
+def parse(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="roam evaluate load", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--sessions", default="1,8,16,32,64", help="how many at once, one run each")
+    parser.add_argument("--seconds", type=float, default=10.0, help="length of a run")
+    parser.add_argument("--takeovers", type=int, default=0, help="so often kill the owner; needs redis-server")
+    parser.add_argument("--stall", type=float, default=25.0, help="so long a reader stops reading [s]; 0: none does")
+    parser.add_argument("--json", type=Path, help="write all figures here")
+    return parser.parse_args(argv)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Runs it."""
+    options = parse(argv)
+    figures: dict[str, object] = {
+        "machine": f"{platform.machine()}, {psutil.cpu_count()} processors, {platform.system()}",
+        "load_average_before": psutil.getloadavg()[0],
+        "encoding": measure_encoding(),
+    }
+    _show("encoding", figures["encoding"])
+    with motion_servers() as [server]:
+        runs = []
+        for count in map(int, options.sessions.split(",")):
+            runs.append(asyncio.run(load(server, count, options.seconds)))
+            _show("load", runs[-1])
+        figures["load"] = runs
+        if options.stall:
+            figures["stalled_reader"] = measure_stall(server, options.stall)
+            _show("stalled reader", figures["stalled_reader"])
+    if options.takeovers:
+        figures["takeover"] = measure_takeovers(options.takeovers)
+        _show("takeover", figures["takeover"])
+    if options.json:
+        options.json.write_text(json.dumps(figures, indent=1) + "\n")
+
+
+def _show(title: str, figures: object) -> None:
+    assert isinstance(figures, dict)
+    told = (f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}" for key, value in figures.items())
+    print(f"{title}: {', '.join(told)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
