@@ -12,6 +12,7 @@ from serving.skeletons import skeleton_message
 from goalpose.diagnostics import PoseWarning
 from goalpose.objects import Shape
 from goalpose.objects.axes import ROTATIONS
+from goalpose.objects.footprint import footprint
 from goalpose.progress import Progress
 from goalpose.quality import PoseQuality, quality_of
 from goalpose.references import ReferencePair
@@ -58,7 +59,13 @@ def object_message(shape: Shape, format: str) -> goal_pose_pb2.Object:
         bounds_max=shape.bounds[1].tolist(),
         point_count=len(shape.points),
         warnings=[goal_pose_pb2.Warning(reason=w.reason, message=w.message) for w in shape.warnings],
+        footprint=outline_messages(shape),
     )
+
+
+def outline_messages(shape: Shape) -> list[skeleton_pb2.Outline]:
+    """What an object covers of the floor."""
+    return [skeleton_pb2.Outline(corners=corners.ravel().tolist()) for corners in footprint(shape.points)]
 
 
 def reference_message(pair: ReferencePair, *, include_points: bool) -> goal_pose_pb2.ReferencePose:
@@ -91,6 +98,7 @@ def goal_pose_message(result: GoalPoseResult, shape: Shape, request: GoalPoseReq
     message.object = result.object
     message.floor_height = result.floor_height
     message.alternatives.extend(others)
+    message.footprint.extend(outline_messages(shape))
     if request.skeleton is not None:
         own = skeleton_message(request.skeleton, body_capsules(request.skeleton))
         message.skeleton.CopyFrom(own.skeleton)

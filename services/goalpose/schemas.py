@@ -147,6 +147,9 @@ class GoalPoseJson(RankedPoseJson):
     name: str = Field(description="goalPoses/sha256:…")
     object: str
     floor_height: float = Field(description="the floor that the pose stands on [m]")
+    footprint: list[list[tuple[float, float]]] = Field(
+        description="corners x, z [m] of what the object covers of the floor; send it on as a goal's obstacles"
+    )
     alternatives: list[RankedPoseJson] = Field(description="the next best, best first")
     skeleton: SkeletonJson | None = Field(description="of the poses, when the request brought its own")
 
@@ -159,6 +162,7 @@ class GoalPoseJson(RankedPoseJson):
             name=message.name,
             object=message.object,
             floor_height=message.floor_height,
+            footprint=[list(zip(o.corners[::2], o.corners[1::2], strict=True)) for o in message.footprint],
             alternatives=[RankedPoseJson.of(other) for other in message.alternatives],
             skeleton=SkeletonJson.of(message.skeleton) if message.HasField("skeleton") else None,
         )

@@ -10,7 +10,7 @@ from roam.v1 import goal_pose_pb2, motion_pb2, skeleton_pb2
 
 from roam_client.actions import Action, action_from_message
 from roam_client.files import save_arrays
-from roam_client.objects import Object, Warning, warnings_from_messages
+from roam_client.objects import Object, Warning, outlines_from_messages, warnings_from_messages
 from roam_client.packing import Floats, pack_floats, unpack_floats
 from roam_client.pose_quality import PoseQuality
 from roam_client.pose_wishes import PoseWishes
@@ -87,6 +87,7 @@ class GoalPose:
     object_to_world: npt.NDArray[np.float64]  # [4, 4] what was done to the file's coordinates
     quality: PoseQuality
     place: tuple[float, ...]  # where on the object's surface the person is, x y z [m]
+    footprint: tuple[Floats, ...] = ()  # [K, 2] corners x, z [m] of outlines that the object covers of the floor
     alternatives: tuple["GoalPose", ...] = ()  # the next best, best first, when more than one were asked for
 
     @classmethod
@@ -101,6 +102,7 @@ class GoalPose:
             cls.from_message(other, skeleton=skeleton, object_to_world=object_to_world)
             for other in message.alternatives
         ]
+        footprint = outlines_from_messages(message.footprint)
         return cls(
             name=message.name,
             skeleton=skeleton,
@@ -117,8 +119,10 @@ class GoalPose:
             object_to_world=np.asarray(object_to_world, np.float64),
             quality=PoseQuality.from_message(message.quality),
             place=tuple(message.place),
+            footprint=footprint,
             alternatives=tuple(
-                replace(other, object=message.object, floor_height=message.floor_height) for other in others
+                replace(other, object=message.object, floor_height=message.floor_height, footprint=footprint)
+                for other in others
             ),
         )
 
@@ -135,8 +139,11 @@ class GoalPose:
 
     @property
     def goal_message(self) -> motion_pb2.Goal:
-        """This pose as the goal of a motion session."""
-        return motion_pb2.Goal(goal_pose=self.name, pose=self.pose.message, action=self.action.message)
+        """This pose as the goal of a motion session, with its object to walk round."""
+        obstacles = [skeleton_pb2.Outline(corners=corners.ravel().tolist()) for corners in self.footprint]
+        return motion_pb2.Goal(
+            goal_pose=self.name, pose=self.pose.message, action=self.action.message, obstacles=obstacles
+        )
 
     def arrays(self) -> dict[str, Any]:
         """What is saved; other tools rely on these names."""

@@ -1,15 +1,16 @@
 """Uploaded furniture as the goal pose service knows it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from roam.v1 import goal_pose_pb2
+from roam.v1 import goal_pose_pb2, skeleton_pb2
 
 from roam_client.errors import FormatError
+from roam_client.packing import Floats
 
 FORMATS = ("obj", "glb", "gltf", "ply", "stl", "off", "xyz", "pcd", "npy")
 _CHUNK = 1 << 20  # bytes; the protocol's most per message
@@ -29,6 +30,11 @@ def warnings_from_messages(messages: list[goal_pose_pb2.Warning]) -> tuple[Warni
     return tuple(Warning(w.reason, w.message, w.remedy) for w in messages)
 
 
+def outlines_from_messages(messages: Iterable[skeleton_pb2.Outline]) -> tuple[Floats, ...]:
+    """Decodes outlines on the floor: [K, 2] corners x, z each [m]."""
+    return tuple(np.array(message.corners, np.float32).reshape(-1, 2) for message in messages)
+
+
 @dataclass(frozen=True, eq=False)
 class Object:
     """Geometry on the server, brought to metres with +Y up."""
@@ -42,6 +48,7 @@ class Object:
     bounds: npt.NDArray[np.float64]  # [2, 3] smallest, largest world coordinates [m]
     point_count: int
     warnings: tuple[Warning, ...] = ()
+    footprint: tuple[Floats, ...] = ()  # [K, 2] corners x, z [m] of outlines that it covers of the floor
 
     @classmethod
     def from_message(cls, message: goal_pose_pb2.Object) -> Self:
@@ -56,6 +63,7 @@ class Object:
             bounds=np.array([message.bounds_min, message.bounds_max], np.float64),
             point_count=message.point_count,
             warnings=warnings_from_messages(list(message.warnings)),
+            footprint=outlines_from_messages(message.footprint),
         )
 
 

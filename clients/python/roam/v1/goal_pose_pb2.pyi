@@ -60,6 +60,7 @@ class Object(_message.Message):
     BOUNDS_MAX_FIELD_NUMBER: _builtins.int
     POINT_COUNT_FIELD_NUMBER: _builtins.int
     WARNINGS_FIELD_NUMBER: _builtins.int
+    FOOTPRINT_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """"objects/sha256:<hex>": hash of the canonical surface points and the transform."""
     format: _builtins.str
@@ -88,6 +89,10 @@ class Object(_message.Message):
     def warnings(self) -> _containers.RepeatedCompositeFieldContainer[Global___Warning]:
         """What was doubtful about the file: a guessed unit, an open surface, dropped faces."""
 
+    @_builtins.property
+    def footprint(self) -> _containers.RepeatedCompositeFieldContainer[_skeleton_pb2.Outline]:
+        """What it covers of the floor; to be walked round (Goal.obstacles)."""
+
     def __init__(
         self,
         *,
@@ -101,10 +106,11 @@ class Object(_message.Message):
         bounds_max: _abc.Iterable[_builtins.float] | None = ...,
         point_count: _builtins.int = ...,
         warnings: _abc.Iterable[Global___Warning] | None = ...,
+        footprint: _abc.Iterable[_skeleton_pb2.Outline] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["bounds_max", b"bounds_max", "bounds_min", b"bounds_min", "floor_height", b"floor_height", "format", b"format", "name", b"name", "object_to_world", b"object_to_world", "point_count", b"point_count", "unit", b"unit", "up_axis", b"up_axis", "warnings", b"warnings"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["bounds_max", b"bounds_max", "bounds_min", b"bounds_min", "floor_height", b"floor_height", "footprint", b"footprint", "format", b"format", "name", b"name", "object_to_world", b"object_to_world", "point_count", b"point_count", "unit", b"unit", "up_axis", b"up_axis", "warnings", b"warnings"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -551,6 +557,7 @@ class GoalPose(_message.Message):
     PLACE_FIELD_NUMBER: _builtins.int
     ALTERNATIVES_FIELD_NUMBER: _builtins.int
     SKELETON_FIELD_NUMBER: _builtins.int
+    FOOTPRINT_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """"goalPoses/sha256:<hex>": hash of request and model; identical requests share it."""
     object: _builtins.str
@@ -599,6 +606,10 @@ class GoalPose(_message.Message):
     def skeleton(self) -> _skeleton_pb2.Skeleton:
         """Skeleton of the pose when the request brought its own."""
 
+    @_builtins.property
+    def footprint(self) -> _containers.RepeatedCompositeFieldContainer[_skeleton_pb2.Outline]:
+        """What the object covers of the floor; send it on as Goal.obstacles."""
+
     def __init__(
         self,
         *,
@@ -616,10 +627,11 @@ class GoalPose(_message.Message):
         place: _abc.Iterable[_builtins.float] | None = ...,
         alternatives: _abc.Iterable[Global___GoalPose] | None = ...,
         skeleton: _skeleton_pb2.Skeleton | None = ...,
+        footprint: _abc.Iterable[_skeleton_pb2.Outline] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["pose", b"pose", "quality", b"quality", "skeleton", b"skeleton"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "alternatives", b"alternatives", "diagnostics", b"diagnostics", "energies", b"energies", "floor_height", b"floor_height", "joint_positions", b"joint_positions", "name", b"name", "object", b"object", "place", b"place", "pose", b"pose", "quality", b"quality", "reference_pose", b"reference_pose", "skeleton", b"skeleton", "warnings", b"warnings"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "alternatives", b"alternatives", "diagnostics", b"diagnostics", "energies", b"energies", "floor_height", b"floor_height", "footprint", b"footprint", "joint_positions", b"joint_positions", "name", b"name", "object", b"object", "place", b"place", "pose", b"pose", "quality", b"quality", "reference_pose", b"reference_pose", "skeleton", b"skeleton", "warnings", b"warnings"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 

@@ -173,7 +173,9 @@ function goToGoal() {
     root_position: packFloats(goal.pose.root_position),
     rotations: packFloats(goal.pose.rotations),
   };
-  stream.control({ goal: { goal_pose: goal.name, pose, action: goal.action === "lie" ? Action.LIE : Action.SIT } });
+  const action = goal.action === "lie" ? Action.LIE : Action.SIT;
+  const obstacles = (goal.footprint ?? []).map((corners) => ({ corners: corners.flat() }));
+  stream.control({ goal: { goal_pose: goal.name, pose, action, obstacles } });
 }
 
 function standUp() {

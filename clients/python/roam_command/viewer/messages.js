@@ -65,7 +65,14 @@ export const Steer = {
   4: ["action", "enum"],
 };
 
-export const Goal = { 1: ["goal_pose", "string"], 2: ["pose", Pose], 3: ["action", "enum"] };
+export const Outline = { 1: ["corners", "float", "repeated"] };
+
+export const Goal = {
+  1: ["goal_pose", "string"],
+  2: ["pose", Pose],
+  3: ["action", "enum"],
+  5: ["obstacles", Outline, "repeated"],
+};
 export const Playback = { 1: ["paused", "bool"] };
 
 export const ControlInput = {
