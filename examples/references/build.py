@@ -6,17 +6,18 @@ up, seat facing +Z, floor at y = 0. Two files: NAME.json (pose and description) 
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from character.clip import Clip
 from character.pose import Pose
 from character.skeleton import humanoid_skeleton
 from goalpose.furniture.piece import Furniture
 from goalpose.furniture.solids import Pillow
 from posture import LimbGoal, author_pose
-from seats import armchair, bar_stool, bed, bench, dining_chair, office_chair, open_armchair, sofa, stool
+from seats import armchair, bar_stool, bed, bench, dining_chair, lounger, office_chair, open_armchair, sofa, stool
 
 FOLDER = Path(__file__).parent
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
@@ -265,6 +266,41 @@ def sofa_lie() -> Pair:
     )
 
 
+def sofa_lie_left() -> Pair:
+    """The same with the head at the other end: with the backrest on one side, neither is a turn of the other."""
+    right = sofa_lie()
+    skeleton = right.pose.skeleton
+    clip = Clip(skeleton, 30.0, right.pose.root_position[None], right.pose.rotations[None])
+    *rest, cushion = right.furniture.solids
+    other_end = replace(cushion, center=cushion.center * np.array([-1.0, 1.0, 1.0]))
+    furniture = Furniture("sofa", (*rest, other_end), right.furniture.seats)
+    title = "Lying on the back on a sofa, head on a cushion at the left end, knees bent"
+    return Pair("sofa_lie_left", title, "lie", ("sofa",), clip.mirrored().pose(0), furniture)
+
+
+def lounger_lie() -> Pair:
+    """Half sitting, half lying: the trunk on a reclined back, the legs up."""
+    seat, foot, lean, hip_z = 0.36, -0.20, 50.0, -0.135
+    tilt = np.radians(lean)
+    root = (0.0, seat + BUTTOCK + PELVIS * np.cos(tilt), hip_z - PELVIS * np.sin(tilt))
+    pitches = {"hips": -lean, "spine": 2.0, "chest": 2.0, "upperChest": 2.0, "neck": 12.0, "head": 8.0}
+    legs = LimbGoal(
+        end=(0.11, seat + 0.055, hip_z + 0.795),
+        pole=(0.12, 1.0, 0.1),
+        direction=(0.25, 1.0, 0.35),
+        normal=(0.0, 0.3, -1.0),
+    )
+    arms = LimbGoal(
+        end=(0.14, seat + 0.22, hip_z + 0.04),
+        pole=(0.9, -0.6, -0.3),
+        direction=(-0.5, -0.25, 0.8),
+        normal=(0.3, 1.0, 0.1),
+    )
+    pose = author_pose(humanoid_skeleton(), root=root, facing=UPRIGHT, pitches=pitches, arms=arms, legs=legs)
+    furniture = lounger(seat=seat, foot=foot, lean=lean, half_width=0.31, front=0.85)
+    return Pair("lounger_lie", "Reclining on a lounger, legs up", "lie", ("lounger",), pose, furniture)
+
+
 def bed_lie() -> Pair:
     pose = lying(top=0.48, hip_x=0.02, z=0.0, raise_trunk=5, raise_head=12, knee_bend=0)
     return Pair(
@@ -287,6 +323,8 @@ PAIRS: tuple[Callable[[], Pair], ...] = (
     bench_sit,
     bar_sit,
     sofa_lie,
+    sofa_lie_left,
+    lounger_lie,
     bed_lie,
 )
 

@@ -179,6 +179,17 @@ def office_chair(*, seat: float, foot: float, lean: float, arm_height: float) ->
     return Furniture("officechair", tuple(solids), np.array([[0.0, seat, 0.0]]))
 
 
+def lounger(*, seat: float, foot: float, lean: float, half_width: float, front: float) -> Furniture:
+    """A long mat on legs, flat under the sitter's, whose back rises from z = `foot`, `lean` degrees from upright."""
+    solids = [
+        block((-half_width, seat - 0.07, foot - 0.03), (half_width, seat, front), round_by=0.02),
+        back_panel((seat - 0.01, foot), lean=lean, height=0.80, half_width=half_width, thickness=0.06, round_by=0.02),
+        *four_legs(half_width - 0.05, front - 0.08, foot - 0.02, seat - 0.05),
+        block((-half_width + 0.03, 0.0, foot - 0.42), (half_width - 0.03, seat + 0.16, foot - 0.38), round_by=0.004),
+    ]
+    return Furniture("lounger", tuple(solids), np.array([[0.0, seat, 0.0]]))
+
+
 def bench(*, seat: float, half_width: float, depth: float) -> Furniture:
     """A plank on two panels, no back."""
     solids = [
