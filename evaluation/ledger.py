@@ -52,7 +52,7 @@ class Ledger:
         self._found[key] = records
         if self._path is not None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text(json.dumps(self.report(), indent=1) + "\n")
+            self._path.write_text(_text(self.report()))
 
     def report(self) -> Record:
         """What the file holds."""
@@ -76,3 +76,13 @@ class Ledger:
         if report.get("plan") == self._plan and isinstance(report.get("runs"), dict):
             self._found = report["runs"]
             self._before = report["minutes"]
+
+
+def _text(report: Record) -> str:
+    """The report as JSON with a line for every record: readable, and small enough to be kept."""
+    runs = [
+        f"  {json.dumps(key)}: [\n" + ",\n".join(f"   {json.dumps(record)}" for record in records) + "\n  ]"
+        for key, records in report["runs"].items()
+    ]
+    head = json.dumps({name: value for name, value in report.items() if name != "runs"}, indent=1)
+    return head.removesuffix("\n}") + ',\n "runs": {\n' + ",\n".join(runs) + "\n }\n}\n"
