@@ -109,3 +109,8 @@ def test_the_dashboard_and_the_documentation_name_metrics_that_exist():
     queues = {"roam_upload_queue", "roam_synthesis_queue"}  # told together, as roam_…_queue_depth
     ours = {re.sub(r"_(bucket|sum|count|total)$", "", name) for name in known if name.startswith("roam_")}
     assert {name for name in ours if not name.startswith(tuple(queues))} <= told
+
+
+@pytest.mark.parametrize("name", sorted({*GoalPoseSettings.model_fields, *MotionSettings.model_fields}))
+def test_every_setting_is_documented(name):
+    assert f"`ROAM_{name.upper()}`" in (ROOT / "docs/operations.md").read_text()
