@@ -10,6 +10,7 @@ from contextlib import aclosing
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from google.protobuf.message import DecodeError
 from roam.v1 import motion_pb2
+from serving.closings import closing
 from serving.errors import INTERNAL, ServiceError
 from serving.logs import get_log
 
@@ -19,7 +20,6 @@ from motion.rpc import Duplex, opening_of
 
 log = get_log("motion.websocket")
 
-_CLOSE_BASE = 4000  # private codes: 4000 + HTTP status
 _DONE = 1000
 
 
@@ -45,7 +45,7 @@ def websocket_router(application: Callable[[], MotionApplication]) -> APIRouter:
 
 
 async def _refuse(socket: WebSocket, error: ServiceError) -> None:
-    await socket.close(_CLOSE_BASE + error.kind.http_status, error.kind.reason)
+    await socket.close(*closing(error))
 
 
 async def _animate(socket: WebSocket, application: MotionApplication, session: str) -> None:

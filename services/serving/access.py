@@ -7,6 +7,7 @@ from pathlib import Path
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from serving.closings import closing
 from serving.errors import API_KEY_MISSING, API_KEY_UNKNOWN, ServiceError
 from serving.keys import KeyRing
 from serving.logs import remember
@@ -95,8 +96,8 @@ class AccessControl:
         except ServiceError as error:
             await receive()  # the close reason reaches the client only on an accepted connection
             await chosen({"type": "websocket.accept"})
-            code = 4000 + error.kind.http_status
-            await send({"type": "websocket.close", "code": code, "reason": error.kind.reason})
+            code, reason = closing(error)
+            await send({"type": "websocket.close", "code": code, "reason": reason})
             return
         await self.app(scope, receive, chosen)
 

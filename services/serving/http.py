@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from serving.access import Access, AccessControl
+from serving.closings import closing
 from serving.errors import INTERNAL, ORIGIN_NOT_ALLOWED, ServiceError
 from serving.logs import choose_request_id, get_log, request_scope
 from serving.metrics import Metrics
@@ -85,7 +86,8 @@ class RequestScope:
         try:
             self._check_origin(scope)
         except ServiceError as error:
-            await send({"type": "websocket.close", "code": 4403, "reason": error.kind.reason})
+            code, reason = closing(error)
+            await send({"type": "websocket.close", "code": code, "reason": reason})
             return
         with request_scope(choose_request_id(Headers(scope=scope).get("x-request-id"))):
             await self.app(scope, receive, send)

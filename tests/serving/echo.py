@@ -5,6 +5,7 @@ import asyncio
 import grpc
 from fastapi import APIRouter, Request, WebSocket
 from pydantic import BaseModel
+from serving.closings import closing
 from serving.errors import COMMON, ServiceError, by_reason
 
 KINDS = by_reason(COMMON)
@@ -64,6 +65,14 @@ class Echo:
             await socket.accept()
             await socket.send_text("hello")
             await socket.close()
+
+        @router.websocket("/fail/{reason}")
+        async def fail_socket(socket: WebSocket, reason: str) -> None:
+            await socket.accept()
+            try:
+                raise failure(reason)
+            except ServiceError as error:
+                await socket.close(*closing(error))
 
         return router
 

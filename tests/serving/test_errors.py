@@ -9,6 +9,8 @@ from grpc_status import rpc_status
 from serving.errors import COMMON, ErrorKind, by_reason, table_markdown
 from serving.server import running
 from serving.settings import ServerSettings
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed
 
 
 @pytest.fixture
@@ -116,6 +118,14 @@ async def test_large_bodies_are_refused_announced_or_not():
             response = await client.post("/size", content=body)
             assert response.status_code == 413
             assert response.json()["reason"] == "PAYLOAD_TOO_LARGE"
+
+
+async def test_every_row_closes_a_websocket_with_its_status_and_reason(addresses):
+    for kind in COMMON:
+        async with connect(f"{addresses.http.replace('http', 'ws')}/fail/{kind.reason}") as socket:
+            with pytest.raises(ConnectionClosed) as caught:
+                await socket.recv()
+        assert (caught.value.rcvd.code, caught.value.rcvd.reason) == (4000 + kind.http_status, kind.reason)
 
 
 def test_two_rows_cannot_share_a_reason():
