@@ -21,6 +21,7 @@ from serving.metrics import Metrics
 from serving.problems import PROBLEM_RESPONSES, add_problem_handlers, problem_response
 from serving.readiness import Readiness
 from serving.settings import ServerSettings
+from serving.tracing import Tracing
 
 log = get_log("serving.http")
 
@@ -48,9 +49,10 @@ def limited_receive(scope: Scope, receive: Receive, limit: int) -> Receive:
 class RequestScope:
     """ASGI middleware: request id, origin, size limit, last resort 500; one log line and one metric per request."""
 
-    def __init__(self, app: ASGIApp, metrics: Metrics, settings: ServerSettings) -> None:
+    def __init__(self, app: ASGIApp, metrics: Metrics, settings: ServerSettings, tracing: Tracing) -> None:
         self.app = app
         self.metrics = metrics
+        self.tracing = tracing
         self.limit = settings.max_upload_bytes
         self.origins = re.compile(settings.cors_origin_regex)
 
@@ -69,7 +71,11 @@ class RequestScope:
             await send(message)
 
         start = monotonic()
-        with request_scope(request_id), self.metrics.in_flight.labels("http").track_inprogress():
+        with (
+            request_scope(request_id),
+            self.metrics.in_flight.labels("http").track_inprogress(),
+            self.tracing.span(f"{scope['method']} {scope['path']}", Headers(scope=scope)) as span,
+        ):
             try:
                 self._check_origin(scope)
                 await self.app(scope, limited_receive(scope, receive, self.limit), tagged)
@@ -81,6 +87,9 @@ class RequestScope:
                     await problem_response(ServiceError(INTERNAL, type(error).__name__))(scope, receive, tagged)
             finally:
                 self._count(scope, status or 499, monotonic() - start)
+                if span is not None:
+                    span.set_attribute("http.response.status_code", status or 499)
+                    span.set_attribute("roam.request_id", request_id)
 
     async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
@@ -138,6 +147,7 @@ def create_http_app(
     metrics: Metrics,
     settings: ServerSettings,
     access: Access,
+    tracing: Tracing,
 ) -> FastAPI:
     """The application: the services' routers plus what every server has."""
     app: FastAPI = FastAPIOffline(title=title, version=version, redoc_url=None, responses=PROBLEM_RESPONSES)
@@ -153,5 +163,5 @@ def create_http_app(
         allow_headers=["*"],
         expose_headers=["X-Request-Id", "X-Roam-Cache", "Retry-After"],
     )
-    app.add_middleware(RequestScope, metrics=metrics, settings=settings)
+    app.add_middleware(RequestScope, metrics=metrics, settings=settings, tracing=tracing)
     return app

@@ -13,24 +13,19 @@ from serving.errors import INTERNAL, ServiceError
 from serving.logs import choose_request_id, get_log, request_scope
 from serving.metrics import Metrics
 from serving.statuses import rpc_status
+from serving.tracing import Tracing
 
 log = get_log("serving.grpc")
 
 _QUIET = ("/grpc.health.", "/grpc.reflection.")
 
 
-def _offered_request_id(context: grpc.aio.ServicerContext) -> str | None:
-    for key, value in context.invocation_metadata() or ():
-        if key == "x-request-id":
-            return str(value)
-    return None
-
-
 class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # grpc has no types
     """Wraps every method; a ServiceError becomes its status, anything else INTERNAL with the trace in the log."""
 
-    def __init__(self, metrics: Metrics, access: Access) -> None:
+    def __init__(self, metrics: Metrics, access: Access, tracing: Tracing) -> None:
         self._metrics = metrics
+        self._tracing = tracing
         self._access = access
 
     async def intercept_service(
@@ -89,9 +84,12 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
     @contextmanager
     def _scope(self, method: str, context: Any) -> Iterator[None]:
         start = monotonic()
+        headers = {key: str(value) for key, value in context.invocation_metadata() or ()}
+        request_id = choose_request_id(headers.get("x-request-id"))
         with (
-            request_scope(choose_request_id(_offered_request_id(context))),
+            request_scope(request_id),
             self._metrics.in_flight.labels("grpc").track_inprogress(),
+            self._tracing.span(method.removeprefix("/"), headers) as span,
         ):
             try:
                 yield
@@ -102,6 +100,9 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
                 self._metrics.request_seconds.labels("grpc", method).observe(seconds)
                 level = log.debug if method.startswith(_QUIET) else log.info
                 level("request", method=method, code=code, seconds=round(seconds, 4))
+                if span is not None:
+                    span.set_attribute("rpc.grpc.status_code", code)
+                    span.set_attribute("roam.request_id", request_id)
 
 
 _unary_unary = grpc.unary_unary_rpc_method_handler

@@ -24,6 +24,7 @@ from serving.readiness import Readiness
 from serving.service import Service
 from serving.settings import MIB, ServerSettings, SettingsError
 from serving.skeletons import SkeletonCatalogue, SkeletonServicer, skeletons_router
+from serving.tracing import Tracing
 from serving.transport import transport_security
 
 log = get_log("serving.server")
@@ -82,11 +83,12 @@ class Server:
         self.settings = settings
         self._tls = transport_security(settings)
         self._access = Access.of(settings)
+        self._tracing = Tracing(settings, "-".join(service.name for service in services))
         self.readiness = Readiness()
         self.metrics = Metrics()
         self._skeletons = SkeletonCatalogue([item for service in services for item in service.skeletons])
         self._grpc = grpc.aio.server(
-            interceptors=[RequestInterceptor(self.metrics, self._access)],
+            interceptors=[RequestInterceptor(self.metrics, self._access, self._tracing)],
             options=_GRPC_OPTIONS,
         )
         self._uvicorn: _Uvicorn
@@ -130,6 +132,7 @@ class Server:
             await asyncio.wait(pending, timeout=1)
         for service in self.services:
             await service.close()
+        await asyncio.to_thread(self._tracing.close)
         log.info("closed")
 
     def _open_grpc(self) -> int:
@@ -164,6 +167,7 @@ class Server:
             metrics=self.metrics,
             settings=self.settings,
             access=self._access,
+            tracing=self._tracing,
         )
         return uvicorn.Config(
             app,

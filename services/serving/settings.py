@@ -34,4 +34,5 @@ class ServerSettings(BaseSettings):
     allow_insecure: bool = Field(False, description="listen beyond this machine without TLS")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level that is logged")
     log_format: Literal["json", "console"] = Field("json", description="one JSON object a line, or text for people")
+    otlp_endpoint: str = Field("", description="OTLP/HTTP address that traces go to: http://localhost:4318/v1/traces")
     torch_threads: int = Field(1, ge=1, description="threads of one tensor operation; more is slower on a busy machine")
