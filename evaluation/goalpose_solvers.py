@@ -66,7 +66,7 @@ def both_energies(synthesizer: Synthesizer, shape: Shape, run: Run) -> Record:
     found = {}
     with torch.no_grad():
         latent = synthesizer.field.encode(torch.as_tensor(shape.points[:ENCODER_POINTS])[None])
-        front = synthesizer.field.front(latent)[0]
+        front = torch.tensor(shape.front, dtype=torch.float32)
         target = Target(synthesizer.field, latent, shape.distance, shape.floor_height, front)
         for name, settings in (
             (OURS, Settings(synthesizer.config.weights, samples)),

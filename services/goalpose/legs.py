@@ -1,17 +1,20 @@
 """Legs for another seat height: the reference's feet brought to the target's floor, or left hanging from a high
 seat."""
 
+import numpy as np
 import torch
 from character.kinematics import Posture, limb, reach_with_limb
 from torch import Tensor
 
 from goalpose.energy.figure import Figure, figure_from_pose
 
-HANG = 0.46  # [m] longest drop from hip joint to ankle: thigh on the seat, shank hanging nearly straight down
+HANG = 1.095  # shanks: longest drop from hip joint to ankle, thigh on the seat, shank hanging nearly straight down
 
 
-def settle_legs(figure: Figure, floor_height: float, *, ankle_height: float) -> Figure:
-    """The figure with both ankles at `ankle_height` [m] above the floor, no further below the hip joints than `HANG`.
+def settle_legs(figure: Figure, floor_height: float, *, ankle_height: float | Tensor) -> Figure:
+    """The figures with both ankles at `ankle_height` [m] above the floor, no deeper below the hip joints than `HANG`.
+
+    One height for all or one each [B].
 
     Seats lower than the reference's push the feet forward, so that the knees do not fold against the chest.
     """
@@ -20,7 +23,8 @@ def settle_legs(figure: Figure, floor_height: float, *, ankle_height: float) -> 
     for name in ("leftLeg", "rightLeg"):
         leg = limb(skeleton, name)
         hip, ankle = figure.positions[:, leg.upper], figure.positions[:, leg.end]
-        drop = torch.minimum(hip[:, 1] - floor_height - ankle_height, torch.full_like(hip[:, 1], HANG))
+        deepest = HANG * float(np.linalg.norm(skeleton.rest_offsets[leg.end]))
+        drop = (hip[:, 1] - floor_height - ankle_height).clamp(max=deepest)
         forward = (ankle - hip) * torch.tensor([1.0, 0.0, 1.0])
         reach = forward.norm(dim=-1, keepdim=True)
         before = (hip[:, 1] - ankle[:, 1])[:, None]

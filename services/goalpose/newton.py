@@ -77,7 +77,7 @@ def expand(
     found = Expansion(chain.screws.shape[-1], {}, [])
     if settings.weights.descriptor:
         chosen, omega = probe_weights(model, settings)
-        reference, weight = model.descriptors[:, chosen], settings.weights.descriptor * omega
+        reference, weight = model.descriptors_at(chosen), settings.weights.descriptor * omega
         field, latent = target.field, target.latent
         found.add("descriptor", *descriptor_rows(field, latent, figure, chain, model.probes, chosen, reference, weight))
     _expand_skeleton(found, chain, figure, model, target, settings)

@@ -56,7 +56,7 @@ def initial_figure(model: ReferenceModel, shape: Shape, turns: Tensor) -> Figure
     moved = hip - model.figure.root_position[0]
     figure = model.figure
     at_hip = Figure(figure.skeleton, hip[None], figure.rotations, figure.positions + moved, figure.orientations)
-    return turned_figures(at_hip, turns)
+    return turned_figures(at_hip[torch.zeros(len(turns), dtype=torch.long)], turns)
 
 
 def solve_paper(

@@ -28,7 +28,7 @@ PRESS = 0.015  # [m] deepest that a reference person's pressing into the furnitu
 NEAR = 0.15  # [m] from the object at which a descriptor counts half
 UPWARD = 0.7  # cosine of the steepest surface that holds a body from below
 RIBS = 0.10  # [m] from the spine to the side of the back
-GROUP_WEIGHTS = (0.4, 0.3, 0.2, 0.1)  # support, lean, floor, arms
+GROUP_WEIGHTS = (0.35, 0.25, 0.3, 0.1)  # support, lean, floor, arms
 _ARMS = ("UpperArm", "LowerArm", "Hand")
 _TRUNK = ("spine", "chest", "upperChest")
 _LEGS = ("UpperLeg", "LowerLeg", "Foot", "Toes")
@@ -48,7 +48,6 @@ def model_reference(
         latent = field.encode(torch.as_tensor(pair.shape.points[:points])[None])
         apart = distance.query(figure.attached(probes.joint, probes.offset))
         room = torch.maximum(distance.query(body.on(figure)), body.radius - PRESS).clamp(max=FAR)
-        front = field.front(latent)[0]
         return ReferenceModel(
             skeleton=skeleton,
             probes=probes,
@@ -59,8 +58,9 @@ def model_reference(
             figure=figure,
             canonical=canonical_positions(figure),
             gravity=gravity_directions(figure),
-            front=front_seen_by_pelvis(figure, front)[None],
+            front=front_seen_by_pelvis(figure, torch.tensor(pair.shape.front, dtype=torch.float32))[None],
             descriptors=pose_descriptor(field, latent, figure, probes),
+            row=torch.zeros(1, dtype=torch.long),
             nearness=1.0 / (1.0 + (apart.clamp(min=0.0) / NEAR).square()),
             allowance=(body.radius - room).clamp(min=GIVE),
             contacts=reference_contacts(figure, body, distance, floor_height),

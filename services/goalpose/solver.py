@@ -35,7 +35,8 @@ class Round:
 
 RIGID = Round(keep=14, each=2, iterations=3, samples=1, joints=False)
 JOINTS = Round(keep=8, each=2, iterations=4, samples=1, joints=True)
-FINISH = Round(keep=2, each=2, iterations=10, samples=3, joints=True)
+FINISH = Round(keep=2, each=2, iterations=8, samples=3, joints=True)
+POLISH = Round(keep=1, each=1, iterations=12, samples=3, joints=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +50,7 @@ class SolverConfig:
     rigid: Round = RIGID
     joints: Round = JOINTS
     finish: Round = FINISH
+    polish: Round = POLISH
 
     def wanting(self, count: int) -> "SolverConfig":
         """Sizes for several poses: as many more candidates as there are more poses to find."""
@@ -60,17 +62,20 @@ class SolverConfig:
             rigid=self.rigid.wanting(6 * count),
             joints=self.joints.wanting(4 * count),
             finish=replace(self.finish.wanting(2 * count), apart=0.25),
+            polish=replace(self.polish.wanting(2 * count), apart=0.25),
         )
 
     @property
     def samples(self) -> int:
         """Probes per centre that a reference model needs."""
-        return max(self.coarse_samples, self.rigid.samples, self.joints.samples, self.finish.samples)
+        return max(
+            self.coarse_samples, self.rigid.samples, self.joints.samples, self.finish.samples, self.polish.samples
+        )
 
     @property
     def iterations(self) -> int:
         """Steps in all."""
-        return self.rigid.iterations + self.joints.iterations + self.finish.iterations
+        return sum(turn.iterations for turn in (self.rigid, self.joints, self.finish, self.polish))
 
 
 def solve(
@@ -99,7 +104,7 @@ def solve(
         watch=watch,
     )
     done = 0
-    for stage, turn in ((1, config.rigid), (2, config.joints), (3, config.finish)):
+    for stage, turn in ((1, config.rigid), (2, config.joints), (3, config.finish), (3, config.polish)):
         each = turn.each if len(model) > 1 else None
         count = keep if keep and stage == 1 else turn.keep
         found = found.picked(distinct(found, count, reach=turn.apart, each=each))

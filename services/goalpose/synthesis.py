@@ -160,7 +160,7 @@ class Synthesizer:
     def _target(self, own: Shape, constraints: Constraints) -> Target:
         with torch.no_grad():
             latent = self.field.encode(torch.as_tensor(own.points[:ENCODER_POINTS])[None])
-        front = self.field.front(latent)[0]
+        front = torch.tensor(own.front, dtype=torch.float32)
         return Target(self.field, latent, own.distance, own.floor_height, front, constraints)
 
     def _chosen(self, request: GoalPoseRequest) -> list[ReferencePair]:
@@ -219,7 +219,7 @@ class Synthesizer:
             target,
             config.wanting(request.count),
             places=places,
-            initial_yaw=first or wishes.facing or 0.0,
+            initial_yaw=_first_heading(first, wishes),
             watch=watch,
             keep=request.restarts,
         )
@@ -264,3 +264,9 @@ class Synthesizer:
             sorted(self.references),
         ]
         return "goalPoses/sha256:" + hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def _first_heading(asked: float | None, wishes: Constraints) -> float:
+    """Where the search begins [rad]: as asked, else as wished, else towards the object's front."""
+    wanted = wishes.facing if asked is None else asked
+    return 0.0 if wanted is None else wanted

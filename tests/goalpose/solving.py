@@ -27,11 +27,6 @@ class LandmarkField:
         distance = (x[:, :, None] - latent[:, None]).square().sum(-1).add(1e-4).sqrt()
         return torch.nn.functional.normalize(torch.cat([distance.sin(), distance.cos()], -1), dim=-1)
 
-    def front(self, latent: Tensor) -> Tensor:
-        """From the highest layer, the backrest, to the middle; on the floor. -> [1, 3]."""
-        ahead = (latent[:, 4] - latent[:, 3]) * torch.tensor([1.0, 0.0, 1.0])
-        return torch.nn.functional.normalize(ahead, dim=-1)
-
 
 @cache
 def pair(name: str) -> ReferencePair:
@@ -49,4 +44,5 @@ def target_of(name: str) -> Target:
     """The object of a reference pair as something to pose on."""
     field, shape = LandmarkField(), pair(name).shape
     latent = field.encode(torch.as_tensor(shape.points[:1500])[None])
-    return Target(field, latent, shape.distance, shape.floor_height, field.front(latent)[0])
+    front = torch.tensor(shape.front, dtype=torch.float32)
+    return Target(field, latent, shape.distance, shape.floor_height, front)

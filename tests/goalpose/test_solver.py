@@ -79,7 +79,7 @@ def test_root_stage_leaves_the_joints_alone():
 def test_low_and_high_seats_keep_the_feet_on_the_floor_or_hanging():
     m = model("chair_sit", 3)
     places = torch.tensor([[0.0, 0.30, 0.0], [0.0, 0.75, 0.0]])
-    ankles = placed_figures(m, places, torch.zeros(1), 0.0).positions[:, m.skeleton.index("leftFoot"), 1]
+    ankles = placed_figures(m, places, 0.0).positions[:, m.skeleton.index("leftFoot"), 1]
     standing = float(m.figure.positions[0, m.skeleton.index("leftFoot"), 1])
     assert float(ankles[0]) == pytest.approx(standing, abs=0.01)
     assert 0.25 < float(ankles[1]) < 0.5

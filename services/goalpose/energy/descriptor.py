@@ -25,10 +25,6 @@ class DescriptorField(Protocol):
         """Queries [B, Q, 3] [m] -> unit descriptors [B, Q, D], differentiable in x."""
         ...
 
-    def front(self, latent: Any) -> Tensor:
-        """Which way the object faces, as long as front and back differ: about 1 for chairs, 0 for stools. -> [B, 3]."""
-        ...
-
 
 @dataclass(frozen=True, eq=False)
 class Probes:

@@ -1,7 +1,7 @@
 """E_o: the sitter faces the object's front as the reference does (beyond the paper).
 
-The field sees the front of an object (`goalpose.field.frame`): a direction on the floor, as long as front and back
-differ, about 1 for chairs and near 0 for round stools. The reference's front, carried by its pelvis, shall be the
+An object's front is opposite to its back (`goalpose.objects.heading`): a direction on the floor, as long as front and
+back differ, 1 for chairs and 0 for stools. The reference's front, carried by its pelvis, shall be the
 target's; a reference without a front (a stool's) fits an object with one as badly as one that looks aside.
 """
 

@@ -42,7 +42,8 @@ class ReferenceModel:
     canonical: Tensor  # [R, J, 3] joint positions without root transform
     gravity: Tensor  # [R, 3, 3]
     front: Tensor  # [R, 3] the front of the reference object in the pelvis frame, as long as it is clear
-    descriptors: Tensor  # [R, P, D]
+    descriptors: Tensor  # [all, P, D] of all references, picked only where they are looked at: they are large
+    row: Tensor  # [R] which of all the references each is
     nearness: Tensor  # [R, P] 1 at the reference object, falling with distance: far descriptors say little
     allowance: Tensor  # [R, body points] [m]
     contacts: Contacts
@@ -57,6 +58,10 @@ class ReferenceModel:
     def __getitem__(self, index: Tensor | slice) -> "ReferenceModel":
         return replace(self, **{name: getattr(self, name)[index] for name in _EACH})
 
+    def descriptors_at(self, chosen: Tensor) -> Tensor:
+        """Descriptors of the `chosen` probes [P']. -> [R, P', D]."""
+        return self.descriptors[self.row[:, None], chosen]
+
     def of(self, which: Tensor) -> "ReferenceModel":
         """What poses made from the references `which` [B] are compared with."""
         return self if len(self) == 1 else self[which]
@@ -67,7 +72,7 @@ _EACH = (
     "canonical",
     "gravity",
     "front",
-    "descriptors",
+    "row",
     "nearness",
     "allowance",
     "contacts",
@@ -85,7 +90,9 @@ def models_stack(models: Sequence[ReferenceModel]) -> ReferenceModel:
         name: torch.cat([getattr(m, name) for m in models]) for name in _EACH if name not in _STRUCTURED
     }
     figure = figure_concat([m.figure for m in models])
-    return replace(models[0], figure=figure, contacts=contacts_stack([m.contacts for m in models]), **tensors)
+    contacts = contacts_stack([m.contacts for m in models])
+    descriptors, tensors["row"] = torch.cat([m.descriptors for m in models]), torch.arange(len(models))
+    return replace(models[0], figure=figure, contacts=contacts, descriptors=descriptors, **tensors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +103,7 @@ class Target:
     latent: Any
     distance: SignedDistance
     floor_height: float
-    front: Tensor  # [3] the front as the field sees it, as long as it is clear
+    front: Tensor  # [3] away from its back, as long as front and back differ
     constraints: Constraints = NONE
 
     @property
@@ -180,7 +187,7 @@ def probe_weights(model: ReferenceModel, settings: Settings) -> tuple[Tensor, Te
 def _descriptor(figure: Figure, model: ReferenceModel, target: Target, settings: Settings) -> Tensor:
     chosen, omega = probe_weights(model, settings)
     values = pose_descriptor(target.field, target.latent, figure, model.probes, chosen)
-    return descriptor_energy(values, model.descriptors[:, chosen], omega)
+    return descriptor_energy(values, model.descriptors_at(chosen), omega)
 
 
 def without_descriptor(settings: Settings) -> Settings:

@@ -41,16 +41,16 @@ PAPER_RIGID = EnergyWeights()
 PAPER_JOINTS = EnergyWeights()
 PAPER_FULL = EnergyWeights(angle_limit=3.283, floor=1e-2, prior=1e-2)
 
-# Ours. Orders of magnitude that are worth about 0.1 each: descriptor off by a tenth of a radian; a fifth of the
-# contacts missed; five spheres of the body 4 cm too deep; the joints 6 cm from the reference's pose; trunk tilted by
+# Ours. Orders of magnitude that are worth about 0.1 each: descriptor off by a tenth of a radian; a tenth of the
+# contacts missed; five spheres of the body 2.5 cm too deep; the joints 6 cm from the reference's pose; trunk tilted by
 # 18 degrees.
 DEFAULT = EnergyWeights(
     descriptor=0.7,
     angle_limit=1.0,
     floor=100.0,
     prior=30.0,
-    penetration=4000.0,
-    contact=0.7,
+    penetration=10000.0,
+    contact=1.0,
     clearance=0.7,
     symmetry=1.5,
     facing=0.5,

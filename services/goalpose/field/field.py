@@ -15,7 +15,6 @@ from goalpose.field.config import FieldConfig
 from goalpose.field.decoder import Answer, Decoder
 from goalpose.field.direction import direction
 from goalpose.field.encoder import Encoder
-from goalpose.field.frame import estimate_frame
 from goalpose.field.latent import Latent
 
 
@@ -68,11 +67,6 @@ class Field(nn.Module):
         """
         numbers = torch.cat(self.decoder.activations(latent, queries), -1)
         return direction(numbers, self.mean, 1 / self.deviation)
-
-    def front(self, latent: Latent) -> Tensor:
-        """Which way the object faces `[B, 3]`, as long as front and back differ: about 1 for chairs, 0 for stools."""
-        frame = estimate_frame(self, latent)
-        return frame.front * frame.front_clarity.clamp(max=1.0)[:, None]
 
     def occupancy(self, latent: Latent, queries: Tensor) -> Tensor:
         """Occupancy logits `[B, Q]` of queries `[B, Q, 3]`: Eq. 2 before the sigmoid."""

@@ -8,28 +8,42 @@ the same.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from goalpose.objects.geometry import Array, Indices
 
 _AS_SMALL = 1.01  # rectangles whose area is within this factor of the smallest are as good
-_LEANS = 0.02  # share of its size by which the object must be higher on one side to have a front
+_LEVEL, _LEANING = 0.02, 0.05  # correlation of height and place: none at all; that of the flattest backs
+_SHORTEST_EDGE = 0.02  # of the longest
 _MOST_CORNERS = 512  # of the footprint's hull: a turned round plate has thousands
 
 
-def canonical_yaw(vertices: Array, faces: Indices | None) -> float:
-    """Yaw [rad] by which the object's own axes, its front along +Z, are turned about +Y.
+@dataclass(frozen=True)
+class Heading:
+    """The object's own axes: its front along +Z of them."""
 
-    Args:
-        vertices: `[V, 3]` metres, +Y up.
-        faces: `[F, 3]` indices, None for a point cloud.
-    """
+    yaw: float  # by which they are turned about the world's +Y [rad]
+    clarity: float  # from 0, front and back are alike, to 1
+
+
+def find_heading(vertices: Array, faces: Indices | None) -> Heading:
+    """The own axes of an object of `vertices` `[V, 3]` [m], +Y up, and `faces` `[F, 3]` (None for a point cloud)."""
     rectangles = _rectangles(vertices[:, ::2])
     backwards = _leaning(*_mass(vertices, faces))
+    clarity = float(np.clip((np.linalg.norm(backwards) - _LEVEL) / (_LEANING - _LEVEL), 0.0, 1.0))
     yaws = (rectangles[:, None] + 0.5 * np.pi * np.arange(4)).ravel()
-    fronts = np.stack([np.sin(yaws), np.cos(yaws)], axis=-1)
-    return float(np.remainder(yaws[np.argmin(fronts @ backwards)], 2 * np.pi))
+    best = _most_opposite(yaws, backwards) if clarity else 0
+    return Heading(float(np.remainder(yaws[best], 2 * np.pi)), clarity)
+
+
+def _most_opposite(yaws: Array, backwards: Array) -> int:
+    """Which yaw faces away from `backwards`; of two as good, left and right of it, the left one."""
+    apart = np.remainder(yaws - np.arctan2(-backwards[0], -backwards[1]) + np.pi, 2 * np.pi) - np.pi
+    as_good = np.abs(apart) < np.abs(apart).min() + 1e-4
+    return int(np.argmax(np.where(as_good, apart, -np.inf)))
 
 
 def _rectangles(footprint: Array) -> Array:
@@ -39,7 +53,9 @@ def _rectangles(footprint: Array) -> Array:
     except QhullError:  # all on one line
         hull = footprint[[footprint[:, 0].argmin(), footprint[:, 0].argmax()]]
     edges = np.roll(hull, -1, axis=0) - hull
-    longest = np.argsort(-np.einsum("ij,ij->i", edges, edges), kind="stable")[:_MOST_CORNERS]
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    longest = np.argsort(-lengths, kind="stable")[:_MOST_CORNERS]
+    longest = longest[lengths[longest] > _SHORTEST_EDGE * lengths.max()]  # shorter ones point anywhere
     yaw = np.arctan2(edges[longest, 0], edges[longest, 1])
     along = np.stack([np.sin(yaw), np.cos(yaw)])
     across = np.stack([np.cos(yaw), -np.sin(yaw)])
@@ -60,10 +76,9 @@ def _mass(vertices: Array, faces: Indices | None) -> tuple[Array, Array]:
 
 
 def _leaning(points: Array, weights: Array) -> Array:
-    """Horizontal direction `[2]` (x, z) in which the surface is higher; 0 where it is not clear."""
+    """Horizontal direction `[2]` (x, z) in which the surface is higher, as long as height and place are correlated."""
     share = weights / weights.sum()
     centred = points - share @ points
     spread = np.sqrt(share @ (centred * centred))
-    lean = (share * centred[:, 1]) @ centred[:, ::2]
-    clear = np.linalg.norm(lean) > _LEANS * spread[1] * np.hypot(spread[0], spread[2])
-    return np.asarray(lean) if clear else np.zeros(2)
+    lean: Array = (share * centred[:, 1]) @ centred[:, ::2]
+    return lean / max(spread[1] * np.hypot(spread[0], spread[2]), 1e-12)

@@ -12,7 +12,7 @@ from goalpose.objects.axes import check_up, up_rotation
 from goalpose.objects.distance import turn_about_y
 from goalpose.objects.errors import ObjectError
 from goalpose.objects.geometry import Array, Geometry
-from goalpose.objects.heading import canonical_yaw
+from goalpose.objects.heading import find_heading
 from goalpose.objects.limits import Limits
 from goalpose.objects.reading import read_geometry
 from goalpose.objects.shape import Shape, ShapeWarning
@@ -76,8 +76,8 @@ def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, .
 
     An upload turned about +Y then has the same samples and the same grid, turned.
     """
-    yaw = canonical_yaw(world.vertices, world.faces)
-    axes = turn_about_y(yaw)
+    heading = find_heading(world.vertices, world.faces)
+    axes = turn_about_y(heading.yaw)
     own = world.vertices @ axes
     box = np.stack([own.min(axis=0), own.max(axis=0)])
     pitch = choose_pitch(box[1] - box[0])
@@ -92,7 +92,8 @@ def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, .
         object_to_world=transform,
         floor_height=floor,
         bounds=bounds,
-        distance=signed_distance(surface, box=box, pitch=pitch, floor=floor, yaw=yaw),
+        distance=signed_distance(surface, box=box, pitch=pitch, floor=floor, yaw=heading.yaw),
+        front=axes @ np.array([0.0, 0.0, heading.clarity]),
         mesh=None if world.faces is None else (world.vertices.astype(np.float32), world.faces.astype(np.int32)),
         warnings=warnings,
     )

@@ -50,6 +50,7 @@ def in_own_axes(shape: Shape) -> tuple[Shape, Placement]:
         floor_height=0.0,
         bounds=np.stack([points.min(0), points.max(0)]).astype(np.float64),
         distance=replace(grid, origin=grid.origin - home, yaw=0.0),
+        front=shape.front @ axes,
         mesh=None,
     )
     return own, placement

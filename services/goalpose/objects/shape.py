@@ -37,6 +37,8 @@ class Shape:
         floor_height: lowest point [m].
         bounds: `[2, 3]` lowest and highest corner of the box [m].
         distance: signed distance to the object.
+        front: `[3]` horizontal direction away from its back, as long as front and back differ: 1 for chairs, 0 for
+            stools.
         mesh: (vertices `[V, 3]` float32 [m], faces `[F, 3]` int32) for display, None for a point cloud.
         warnings: doubts about unit, axes or size.
     """
@@ -48,5 +50,6 @@ class Shape:
     floor_height: float
     bounds: npt.NDArray[np.float64]
     distance: DistanceGrid
+    front: npt.NDArray[np.float64]
     mesh: tuple[Floats, npt.NDArray[np.int32]] | None
     warnings: tuple[ShapeWarning, ...]

@@ -21,6 +21,7 @@ from goalpose.objects.voxels import Surface
 SAMPLE_COUNT = 20_000
 _DENSE_LEAST, _DENSE_MOST = 40_000, 160_000
 _SAMPLES_PER_CELL = 4.0
+_STEP = 2000  # of sample counts, so that rounding does not change them
 _SEED = 0  # the same for all: a turned upload has the turned samples
 _NEIGHBOURS = 12  # of a cloud point, to lay a plane through
 
@@ -69,7 +70,7 @@ def _mesh_surface(mesh: Geometry, pitch: float) -> tuple[Samples, Surface]:
             message="All triangles are degenerate: the surface has no area.",
             remedy="Check the object in a 3D program and export it again.",
         )
-    count = int(np.clip(area / pitch**2 * _SAMPLES_PER_CELL, _DENSE_LEAST, _DENSE_MOST))
+    count = int(np.clip(area / pitch**2 * _SAMPLES_PER_CELL, _DENSE_LEAST, _DENSE_MOST)) // _STEP * _STEP
     dense = sample_triangles(triangles, areas, count, seed=_SEED)
     assert dense.normals is not None
     surface = Surface(dense.points.astype(np.float32), dense.normals.astype(np.float32), float(np.sqrt(area / count)))

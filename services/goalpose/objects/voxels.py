@@ -29,6 +29,7 @@ Corner = npt.NDArray[np.float64]
 _NODE_BUDGET = 400_000  # decides the pitch, and with it most of the time that loading takes
 _FINEST, _COARSEST = 0.0125, 0.03  # [m]
 _PAD = 0.15  # [m] of free nodes around the box
+_OFF_CENTRE = 0.137  # [nodes] furniture is symmetric and round in its measures: no wall shall lie midway between nodes
 _HOLE = 1.25  # [spacings] at random, one disc of this radius in 10^5 has no sample; larger holes are openings
 _MIN_GAP = 0.03  # [m] narrower openings are closed
 # [m] A hollow that opens only to a floor this near is the body of a sofa, not the legroom of a chair.
@@ -55,7 +56,8 @@ class Surface:
 def choose_pitch(extents: npt.NDArray[np.float64]) -> float:
     """Node spacing [m] at which a box of `extents` [m] with its margin has about `_NODE_BUDGET` nodes."""
     volume = float(np.prod(extents + 2 * _PAD))
-    return float(np.clip((volume / _NODE_BUDGET) ** (1 / 3), _FINEST, _COARSEST))
+    pitch = float(np.clip((volume / _NODE_BUDGET) ** (1 / 3), _FINEST, _COARSEST))
+    return round(pitch, 4)  # the same for an upload that was turned and rounded
 
 
 def signed_distance(surface: Surface, *, box: Corner, pitch: float, floor: float, yaw: float = 0.0) -> DistanceGrid:
@@ -63,14 +65,13 @@ def signed_distance(surface: Surface, *, box: Corner, pitch: float, floor: float
 
     Args:
         surface: its samples, in the grid's axes.
-        box: `[2, 3]` corners of the object in the grid's axes [m]; the grid lies evenly around it, so that mirrored
-            objects have mirrored grids.
+        box: `[2, 3]` corners of the object in the grid's axes [m].
         pitch: node spacing [m].
         floor: height of the floor on which the object stands [m].
         yaw: by which the grid's axes are turned about the world's +Y [rad].
     """
-    shape = np.ceil((box[1] - box[0] + 2 * _PAD) / pitch).astype(int) + 1
-    low = box.mean(axis=0) - 0.5 * pitch * (shape - 1)
+    shape = np.ceil((box[1] - box[0] + 2 * _PAD) / pitch - 1e-3).astype(int) + 1  # rounding adds no node
+    low = box.mean(axis=0) - pitch * (0.5 * (shape - 1) + _OFF_CENTRE)
     nearest, unsigned, touching = _unsigned(surface, low, pitch, tuple(int(n) for n in shape))
     radius = max(0.5 * _MIN_GAP, 0.9 * pitch, _HOLE * surface.spacing)
     level = int(np.floor((floor - low[1]) / pitch))

@@ -57,6 +57,7 @@ def pack_shape(shape: Shape) -> tuple[dict[str, Any], list[memoryview]]:
         "bounds": shape.bounds,
         "origin": shape.distance.origin,
         "values": shape.distance.values,
+        "front": shape.front,
         **({} if shape.normals is None else {"normals": shape.normals}),
         **({} if shape.mesh is None else {"vertices": shape.mesh[0], "faces": shape.mesh[1]}),
     }
@@ -85,6 +86,7 @@ def unpack_shape(head: Mapping[str, Any], parts: Sequence[bytes]) -> Shape:
         floor_height=head["floor_height"],
         bounds=arrays["bounds"],
         distance=DistanceGrid(arrays["origin"], head["pitch"], arrays["values"], head["yaw"]),
+        front=arrays["front"],
         mesh=(arrays["vertices"], arrays["faces"]) if "faces" in arrays else None,
         warnings=tuple(ShapeWarning(**warning) for warning in head["warnings"]),
     )
