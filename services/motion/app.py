@@ -47,7 +47,7 @@ def _tell_health(readiness: Readiness, well: bool) -> None:
     if well:
         readiness.clear("sessions")
     else:
-        readiness.block("sessions", "the session store does not answer")
+        readiness.block("sessions", "the session store does not answer, or moving sessions has failed; see the log")
 
 
 class MotionService:

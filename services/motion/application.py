@@ -14,7 +14,7 @@ from character.skeleton import Skeleton
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
 from serving.errors import DRAINING, INVALID_ARGUMENT, ServiceError
-from serving.logs import remember
+from serving.logs import get_log, remember
 from serving.skeletons import SKELETON_NOT_FOUND
 
 from motion.live import LiveSessions
@@ -30,6 +30,8 @@ from motion.store_memory import MemoryStore
 from motion.stream import FrameStream, Item, StreamStart
 from motion.stream_metrics import StreamMetrics
 from motion.ticker import Ticker
+
+log = get_log("motion.application")
 
 _LONGEST_REQUEST_ID = 64
 _PAGE = 100
@@ -78,6 +80,7 @@ class MotionApplication:
             snapshot_frames=settings.snapshot_frames,
             history_frames=settings.history_frames,
             on_health=on_health,
+            on_progress=lambda: self.ticker.wake(),
         )
         self.ticker = Ticker(self.sessions, self.ownership, animator.step, frame_rate=FRAME_RATE, registry=registry)
         self._metrics = StreamMetrics(registry)
@@ -87,6 +90,7 @@ class MotionApplication:
         self._restore = restore
         self._build = build
         self._clock = clock
+        self._on_health = on_health
         self._draining = False
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -98,6 +102,8 @@ class MotionApplication:
             asyncio.create_task(self.ownership.run(), name="motion-ownership"),
             asyncio.create_task(self.ticker.run(), name="motion-ticker"),
         ]
+        for task in self._tasks:
+            task.add_done_callback(self._note_end)
 
     async def close(self) -> None:
         """Stops both."""
@@ -188,7 +194,7 @@ class MotionApplication:
         if session.lacks(opening.after_sequence):
             session = await self.ownership.rewind(session, opening.after_sequence)
         if opening.resume_token == session.record.resume_token:
-            session.catch_up(opening.after_sequence, most=self.settings.history_frames)
+            session.catch_up(opening.after_sequence)
             self._metrics.resumed(here=here)
         options = stream_options(opening, burst_frames=self.settings.burst_frames, ack_window=self.settings.ack_window)
         count = self._metrics.reader(realtime=options.pacing == motion_pb2.PACING_REALTIME)
@@ -218,6 +224,12 @@ class MotionApplication:
             return motion_pb2.AnimateResponse(header=header)
         return motion_pb2.AnimateResponse(event=item)
 
+    def _note_end(self, task: asyncio.Task[None]) -> None:
+        """A background task that ends by itself is a mistake; no session would move any more, so readiness tells."""
+        if not task.cancelled():
+            log.critical("background task ended", task=task.get_name(), exc_info=task.exception())
+            self._on_health(False)
+
     def _session(self, record: SessionRecord, state: CharacterState) -> Session:
         return Session(
             record,
@@ -233,6 +245,7 @@ class MotionApplication:
             claim,
             after_sequence,
             build=self._build,
+            reach=self.ownership.reach,
             make=lambda snapshot: self._session(claim.record, self._restore(snapshot.state)),
         )
 

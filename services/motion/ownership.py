@@ -39,8 +39,8 @@ Revive = Callable[[Claim, int], Session]
 
 
 def elsewhere_event() -> Event:
-    """What readers of a session hear that goes on at another replica."""
-    event = Event(type=motion_pb2.EVENT_TYPE_DRAINING, message="the session goes on at another replica; reconnect")
+    """What readers hear of a session that goes on elsewhere."""
+    event = Event(type=motion_pb2.EVENT_TYPE_DRAINING, message="this server lets the session go; reconnect")
     event.reconnect_within.FromSeconds(10)
     return event
 
@@ -59,6 +59,7 @@ class Ownership:
         snapshot_frames: int,
         history_frames: int,
         on_health: Callable[[bool], None] = lambda well: None,
+        on_progress: Callable[[], None] = lambda: None,
     ) -> None:
         self.replica = uuid4().hex
         self._store = store
@@ -68,7 +69,9 @@ class Ownership:
         self._lease = lease  # [s]
         self._snapshot_frames = snapshot_frames
         self._history_frames = history_frames
+        self.reach = 2 * snapshot_frames  # how far a session goes beyond its last snapshot in the store [frames]
         self._on_health = on_health
+        self._on_progress = on_progress  # a session may go further than before
         self._valid_until = float("-inf")  # [s], monotonic
         self._tokens: dict[str, int] = {}
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
@@ -95,6 +98,7 @@ class Ownership:
             self._let_go(session)
             raise
         if name == session.name:
+            session.limit = self.reach
             return session
         self._let_go(session)
         return await self.hold(name)
@@ -126,6 +130,7 @@ class Ownership:
     async def _take(self, name: str, after_sequence: int, insist: bool) -> Session:
         claim = await self._claim(name, insist)
         session = self._revive(claim, after_sequence)
+        session.limit = claim.snapshots[-1].sequence + self.reach
         self._live.add(session)
         self._tokens[name] = claim.token
         log.info("claimed", session=name, token=claim.token, sequence=session.sequence)
@@ -205,6 +210,9 @@ class Ownership:
         snapshot = session.snapshot(self._build)
         keep_from = max(0, snapshot.sequence - self._history_frames)
         await self._store.save(session.record, self.replica, token, snapshot, keep_from)
+        if snapshot.sequence + self.reach > session.limit:  # a session that replays saves older ones too
+            session.limit = snapshot.sequence + self.reach
+            self._on_progress()
 
     def _lose(self, session: Session) -> None:
         log.warning("session was taken over", session=session.name)
@@ -270,6 +278,7 @@ class Ownership:
             {session.name: session.record.idle_timeout + _KEEP_SLACK for session in self._live}
         )
         self._unsaved |= {session.name: session for session in self._live if session.name in lost}
+        self._work.set()
 
     async def _write_for_ever(self) -> None:
         while True:

@@ -9,17 +9,19 @@ from motion.sessions import ControlChange, Session
 from motion.store import Claim, Snapshot
 
 
-def revive(claim: Claim, after_sequence: int, *, build: str, make: Callable[[Snapshot], Session]) -> Session:
+def revive(
+    claim: Claim, after_sequence: int, *, build: str, reach: int, make: Callable[[Snapshot], Session]
+) -> Session:
     """A claimed session, ready to compute what follows `after_sequence` (0: the newest that is known).
 
-    `make` gives a session in a snapshot's state. Frames are only promised to be exact where the same `build` made them.
+    `make` gives a session in a snapshot's state; `reach` is how far a replica may go beyond a snapshot. Frames are only
+    promised to be exact where the same `build` made them.
     """
     snapshot = _fitting(claim, after_sequence)
     session = make(snapshot)
     later = [(entry, _change(entry.control, session)) for entry in claim.controls]
-    session.restore(snapshot, _change(snapshot.control, session), later)
-    newest = claim.snapshots[-1].sequence
-    session.replay_until = max(session.replay_until, newest)
+    newest, reach = claim.snapshots[-1].sequence, 0 if claim.released else reach
+    session.restore(snapshot, _change(snapshot.control, session), later, newest=newest, reach=reach)
     session.exact = snapshot.build == build
     return session
 

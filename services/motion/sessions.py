@@ -1,6 +1,7 @@
 """One character: its state, the controls on their way to it, its last frames and the readers that follow it."""
 
 import asyncio
+import sys
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -96,7 +97,8 @@ class Session:
         self.streams: set[Reader] = set()
         self.last_control_id = 0
         self.reached: Event | None = None  # the last GOAL_REACHED
-        self._restored_controls: int | None = None  # last_control_id when it was taken over
+        self.limit = sys.maxsize  # no frame after this one is computed before a newer snapshot is safe
+        self._seen_elsewhere = 0  # a replica before this one may have shown frames up to here
         self._intent_control = b""
         self._goal_name = ""
         self._owed = False  # a tick came while the session was held
@@ -156,7 +158,7 @@ class Session:
     def entry(self, control: motion_pb2.ControlInput) -> ControlEntry:
         """Names the first frame that a new control can affect. 0 as control_id takes the next free one."""
         # a step that runs right now was given the old intent
-        effective = max(self.sequence + self.under_way, self.replay_until) + 1
+        effective = max(self.sequence + self.under_way, self._seen_elsewhere) + 1
         control_id = control.control_id or self.last_control_id + 1
         return ControlEntry(control_id, effective, control.SerializeToString())
 
@@ -201,11 +203,18 @@ class Session:
         )
 
     def restore(
-        self, snapshot: Snapshot, current: ControlChange, later: Sequence[tuple[ControlEntry, ControlChange]]
+        self,
+        snapshot: Snapshot,
+        current: ControlChange,
+        later: Sequence[tuple[ControlEntry, ControlChange]],
+        *,
+        newest: int,
+        reach: int,
     ) -> None:
         """Goes back to a snapshot, whose `state` this session was made with, and to the controls taken after it.
 
-        `current` is the change behind `snapshot.control`. The frames up to the newest control are computed again.
+        `current` is the change behind `snapshot.control`. Frames up to the `newest` snapshot and the newest control are
+        computed again at once. The replica before may have shown `reach` frames more: new controls come after those.
         """
         self.sequence = snapshot.sequence
         self.paused = snapshot.paused
@@ -217,31 +226,27 @@ class Session:
         for entry, change in later:
             if entry.effective > snapshot.sequence:
                 self.accept(entry, change)
-        self.replay_until = max([snapshot.sequence, *(entry.effective - 1 for entry, _ in later)])
-        self._restored_controls = self.last_control_id
+        self.replay_until = max([newest, *(entry.effective - 1 for entry, _ in later)])
+        self._seen_elsewhere = max(newest + reach, self.replay_until)
 
     def lacks(self, after_sequence: int) -> bool:
         """Whether frames after this one were computed elsewhere and could be computed again, disturbing nobody."""
-        restored = self._restored_controls is not None
-        return restored and not self.streams and 0 < after_sequence < self.first_kept - 1
+        return bool(self._seen_elsewhere and not self.streams and 0 < after_sequence < self.first_kept - 1)
 
-    def catch_up(self, sequence: int, *, most: int) -> None:
-        """Computes again up to a frame that a reader had from the replica before, at most `most` frames at once."""
-        newest = max(self.sequence, self.replay_until)
-        if self._restored_controls is None or not newest < sequence <= newest + most:
-            return
-        self.replay_until = sequence
-        # controls that came since cannot have been in the frames that this reader has
-        self.exact = self.exact and self._restored_controls == self.last_control_id
+    def catch_up(self, sequence: int) -> None:
+        """Computes again, at once, up to a frame that a reader had from the replica before."""
+        if sequence <= self._seen_elsewhere:
+            self.replay_until = max(self.replay_until, sequence)
 
     # Frames
 
     def wants(self, *, tick: bool) -> int:
         """How many frames are due: one on the tick for REALTIME readers, else what readers ask for."""
-        if self.ended or self.under_way:
+        safe = self.limit - self.sequence
+        if self.ended or self.under_way or safe <= 0:
             return 0
         if self.sequence < self.replay_until:  # no control that is being written down can affect these
-            return self.replay_until - self.sequence
+            return min(safe, self.replay_until - self.sequence)
         if self.paused or not self.streams:
             return 0
         if any(stream.realtime for stream in self.streams):
@@ -250,7 +255,7 @@ class Session:
             return 0
         # no reader may lose a frame that it has not taken yet
         room = min(stream.cursor for stream in self.streams) + self.ring_size - 1 - self.sequence
-        return max(0, min(room, max(stream.wanted for stream in self.streams)))
+        return max(0, min(safe, room, max(stream.wanted for stream in self.streams)))
 
     def _due(self, tick: bool) -> int:
         self._owed = self._owed or tick

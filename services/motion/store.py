@@ -57,6 +57,7 @@ class Claim:
     token: int
     snapshots: tuple[Snapshot, ...]  # oldest first, at least one
     controls: tuple[ControlEntry, ...]  # in order
+    released: bool  # the owner gave it up after the last snapshot; else it may have gone on from there
 
 
 class StoreDownError(Exception):

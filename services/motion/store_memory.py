@@ -59,10 +59,10 @@ class MemoryStore:
             return None
         if stored.owner != owner and self._leases.get(stored.owner, 0) > self._clock():
             raise HeldElsewhereError(stored.owner)
-        stored.owner, stored.token = owner, stored.token + 1
+        released, stored.owner, stored.token = not stored.owner, owner, stored.token + 1
         snapshots = tuple(stored.snapshots[key] for key in sorted(stored.snapshots))
         controls = tuple(stored.controls[key] for key in sorted(stored.controls))
-        return Claim(stored.record, stored.token, snapshots, controls)
+        return Claim(stored.record, stored.token, snapshots, controls, released)
 
     async def log(self, name: str, token: int, entry: ControlEntry) -> None:
         """See SessionStore."""

@@ -52,8 +52,9 @@ local held = redis.call('HMGET', KEYS[1], 'record', 'owner')
 if not held[1] then return nil end
 if held[2] ~= ARGV[1] and redis.call('EXISTS', 'roam:lease:' .. held[2]) == 1 then return held[2] end
 redis.call('HINCRBY', KEYS[1], 'token', 1)
+local found = redis.call('HGETALL', KEYS[1])
 redis.call('HSET', KEYS[1], 'owner', ARGV[1])
-return redis.call('HGETALL', KEYS[1])
+return found
 """
 _LOG = """
 local token = redis.call('HGET', KEYS[1], 'token')
@@ -134,6 +135,7 @@ class RedisStore:
             int(fields["token"]),
             tuple(sorted(snapshots, key=lambda snapshot: snapshot.sequence)),
             tuple(sorted(controls, key=lambda entry: entry.control_id)),
+            released=not fields["owner"],
         )
 
     async def log(self, name: str, token: int, entry: ControlEntry) -> None:

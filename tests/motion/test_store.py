@@ -86,6 +86,7 @@ async def test_what_is_stored_comes_back_as_it_was(store):
     assert claim.token == 2
     assert claim.snapshots == (snapshot(0), snapshot(15, paused=True, watch=(0, None, True)))
     assert claim.controls == (ControlEntry(1, 5, b"\x80"),)
+    assert not claim.released
 
 
 async def test_only_what_leads_to_frames_worth_keeping_is_kept(store):
@@ -132,7 +133,8 @@ async def test_a_released_session_can_be_claimed_at_once(store):
     await store.renew(ONE, 10)
     await store.create(RECORD, ONE, snapshot(0))
     await store.release(RECORD.name, 1)
-    assert (await store.claim(RECORD.name, TWO)).token == 2
+    claim = await store.claim(RECORD.name, TWO)
+    assert (claim.token, claim.released) == (2, True)
 
 
 async def test_a_removed_session_is_gone_and_its_request_id_free(store):
