@@ -48,8 +48,8 @@ async def replica(store):
     """Makes replicas; they live until the test ends."""
     made = []
 
-    async def make(build="a"):
-        settings = MotionSettings(session_lease=LEASE, snapshot_frames=4, history_frames=40, burst_frames=4)
+    async def make(build="a", **more):
+        settings = MotionSettings(session_lease=LEASE, snapshot_frames=4, history_frames=40, burst_frames=4, **more)
         replica = MotionApplication(
             Walker(),
             Walker.skeleton,
@@ -183,6 +183,15 @@ async def test_a_living_owner_is_left_alone_unless_a_reader_comes_back_elsewhere
         kinds = [item.type async for item in old if isinstance(item, motion_pb2.SessionEvent)]
     assert kinds[-1] == motion_pb2.EVENT_TYPE_DRAINING
     assert [len(first.sessions), len(second.sessions)] == [0, 1]
+
+
+async def test_behind_a_gateway_a_session_comes_home_with_its_next_request(replica):
+    away, home = await replica(session_header=True), await replica(session_header=True)
+    session = await create(away)
+    assert await home.control(session.name, steer(1, 1.0)) == 1
+    assert [len(away.sessions), len(home.sessions)] == [0, 1]
+    await away.delete_session(session.name)
+    assert [len(away.sessions), len(home.sessions)] == [0, 0]
 
 
 async def test_an_owner_that_hung_moves_nothing_and_learns_that_it_lost(replica):
