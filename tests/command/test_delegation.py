@@ -14,6 +14,7 @@ COMMANDS = {
     ("evaluate", "goalpose"): "evaluation.goalpose",
     ("evaluate", "motion"): "evaluation.motion",
     ("evaluate", "throughput"): "evaluation.throughput",
+    ("evaluate", "load"): "evaluation.load",
 }
 
 

@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|throughput`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|throughput|load`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -23,3 +23,8 @@ def motion(context: typer.Context) -> None:
 def throughput(context: typer.Context) -> None:
     """Goal poses of requests that come at once, against one after another (`--help` lists its options)."""
     delegate("evaluation.throughput", context.args, name="roam evaluate throughput")
+
+
+def load(context: typer.Context) -> None:
+    """How many characters a motion server carries, and how evenly their frames come (`--help` lists its options)."""
+    delegate("evaluation.load", context.args, name="roam evaluate load")

@@ -36,6 +36,7 @@ evaluate_app.command("field", context_settings=PASS_ON)(evaluate.field)
 evaluate_app.command("goalpose", context_settings=PASS_ON)(evaluate.goalpose)
 evaluate_app.command("motion", context_settings=PASS_ON)(evaluate.motion)
 evaluate_app.command("throughput", context_settings=PASS_ON)(evaluate.throughput)
+evaluate_app.command("load", context_settings=PASS_ON)(evaluate.load)
 app.add_typer(evaluate_app, name="evaluate")
 
 
