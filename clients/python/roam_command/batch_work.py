@@ -43,11 +43,12 @@ def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
     from goalpose.objects import ObjectError
     from goalpose.synthesis import GoalPoseRequest, RequestError
 
-    started = perf_counter()
     request = GoalPoseRequest(reference=order.reference, action=order.action, seed=order.seed)
     try:
-        shape = _loader().load(data, format, unit=order.unit, up=order.up)
-        result = _synthesizer().synthesize(shape, request)
+        loader, synthesizer = _loader(), _synthesizer()
+        started = perf_counter()
+        shape = loader.load(data, format, unit=order.unit, up=order.up)
+        result = synthesizer.synthesize(shape, request)
     except ObjectError as error:
         return Outcome(reason=error.reason, message=f"{error.message} {error.remedy}")
     except RequestError as error:
@@ -76,4 +77,6 @@ def _loader() -> "IsolatedLoader":
     """The reader of this process."""
     from goalpose.objects.isolation import IsolatedLoader
 
-    return IsolatedLoader()
+    loader = IsolatedLoader()
+    loader.warm()
+    return loader
