@@ -156,6 +156,7 @@ class GoalPoses(goal_pose_pb2_grpc.GoalPoseServiceServicer):
         best.alternatives.extend(others)
         if request.HasField("skeleton"):
             best.skeleton.CopyFrom(request.skeleton)
+            best.pose.skeleton_id = "sha256:own"
         yield goal_pose_pb2.SynthesizeResponse(goal_pose=best)
 
     def CreateReferencePose(self, request, context):
@@ -351,6 +352,8 @@ class Motions(motion_pb2_grpc.MotionServiceServicer):
 
 class Skeletons(skeleton_pb2_grpc.SkeletonServiceServicer):
     def GetSkeleton(self, request, context):
+        if request.skeleton not in ("", "default", SKELETON.id):
+            abort(context, grpc.StatusCode.NOT_FOUND, f"no skeleton {request.skeleton}", "SKELETON_NOT_FOUND")
         return skeleton_pb2.GetSkeletonResponse(skeleton=SKELETON, body=BODY)
 
 

@@ -161,7 +161,10 @@ class AsyncClient:
         async for answer in self._synthesize(request, timeout):
             if answer.WhichOneof("message") == "goal_pose":
                 message = answer.goal_pose
-                skeleton = await self.skeleton(message.pose.skeleton_id)
+                own = wishes is not None and wishes.skeleton is not None
+                skeleton = (
+                    Skeleton.from_message(message.skeleton) if own else await self.skeleton(message.pose.skeleton_id)
+                )
                 return GoalPose.from_message(message, skeleton=skeleton, object_to_world=place.object_to_world)
             if on_progress is not None:
                 on_progress(Progress.from_message(answer.progress))

@@ -95,8 +95,6 @@ class GoalPose:
         cls, message: goal_pose_pb2.GoalPose, *, skeleton: Skeleton, object_to_world: npt.ArrayLike
     ) -> Self:
         """Decodes; WireError when the arrays do not fit the skeleton."""
-        if message.HasField("skeleton"):
-            skeleton = Skeleton.from_message(message.skeleton)
         count = skeleton.joint_count
         others = [
             cls.from_message(other, skeleton=skeleton, object_to_world=object_to_world)
