@@ -9,6 +9,8 @@ from torch import Tensor
 
 from goalpose.energy.figure import Figure, figure_concat
 
+TOO_DEEP, SUNK = 0.03, 30.0  # [m], [1/m]: a capsule a centimetre deeper than this counts as much as 0.3 of energy
+
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
@@ -18,15 +20,18 @@ class Candidates:
     reference: Tensor  # [B] which reference pair each is made from
     energy: Tensor  # [B]
     terms: dict[str, Tensor]  # weighted, each [B]
+    deepest: Tensor | float = 0.0  # [B] depth of the deepest capsule in the object [m], once it is known
 
     @property
     def fit(self) -> Tensor:
-        """Energy with the descriptor at half its weight: what references are compared by. -> [B].
+        """What candidates are ranked by [B]: energy, the descriptor at half its weight, and more for what is too deep.
 
         Descriptor residuals order the placements of one reference better than references: around a bare bench
-        descriptors are blander than around an armchair, and smaller residuals say less of a better fit.
+        descriptors are blander than around an armchair, and smaller residuals say less of a better fit. Thin boards
+        hide from the energy how wrong a leg through them is.
         """
-        return self.energy - 0.5 * self.terms["descriptor"] if "descriptor" in self.terms else self.energy
+        sunk = torch.as_tensor(self.deepest - TOO_DEEP).clamp(min=0.0)
+        return self.energy - 0.5 * self.terms.get("descriptor", torch.zeros(())) + SUNK * sunk
 
     def __len__(self) -> int:
         return len(self.energy)
@@ -34,7 +39,8 @@ class Candidates:
     def picked(self, index: Tensor) -> "Candidates":
         """Some of them, in the order of `index`."""
         terms = {name: term[index] for name, term in self.terms.items()}
-        return Candidates(self.figure[index], self.reference[index], self.energy[index], terms)
+        deepest = self.deepest[index] if isinstance(self.deepest, Tensor) else self.deepest
+        return Candidates(self.figure[index], self.reference[index], self.energy[index], terms, deepest)
 
     def ranked(self) -> "Candidates":
         """Best first."""

@@ -32,7 +32,8 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
 
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
     `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
-    reference stands on it); `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance from the
+    reference stands on it); `floor_reach`: how far level thighs keep the soles off the floor, 0 on seats of ordinary
+    height; `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance from the
     reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
     """
     with torch.no_grad():
@@ -53,7 +54,16 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
         }
         if on_floor.any():
             values["floor_distance"] = float(misses[on_floor].max())
+            values["floor_reach"] = _floor_reach(figure, model, target)
     return values
+
+
+def _floor_reach(figure: Figure, model: ReferenceModel, target: Target) -> float:
+    """How high [m] the soles of upright shanks under level thighs hang over the floor."""
+    hip, knee, ankle = figure.skeleton.indices(["leftUpperLeg", "leftLowerLeg", "leftFoot"])
+    shank = float((model.figure.positions[0, knee] - model.figure.positions[0, ankle]).norm())
+    sole = float(model.figure.positions[0, ankle, 1] - model.floor_height)
+    return max(0.0, float(figure.positions[0, hip, 1]) - target.floor_height - shank - sole)
 
 
 def bone_depths(figure: Figure, model: ReferenceModel, target: Target) -> dict[str, float]:
@@ -81,15 +91,21 @@ def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
     return float(torch.maximum(angles - limits.high, limits.low - angles).clamp(min=0.0).max())
 
 
+def _implausible(values: dict[str, float]) -> bool:
+    """Not held from below, hips off the surface, through the object, or legs dangling high over the floor."""
+    held = values["support_miss"] < 0.06 and values["contacts_met"] > 0.25 and values["hip_seat_distance"] < 0.12
+    return not held or values["penetration_depth"] > 0.1 or values.get("floor_distance", 0.0) > 0.2
+
+
 def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:
     """What a caller should know of these diagnostics."""
     found = []
-    if values["support_miss"] > 0.06 or values["contacts_met"] < 0.25:
+    if _implausible(values):
         found.append(
             PoseWarning(
                 "NO_PLAUSIBLE_POSE",
-                f"The body is not held by the object: it misses its support by {values['support_miss']:.2f} m.",
-                "Check the object's size, unit and up axis, or choose another reference pose.",
+                "The object does not hold a body: no seat is wide, low and free enough.",
+                "Check that it is furniture to sit or lie on, its size, unit and up axis, or choose another reference.",
             )
         )
     if values["penetration_depth"] > DEEP:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from goalpose.candidates import Candidates, distinct
+from goalpose.energy.penetration import penetration_depths
 from goalpose.energy.total import ReferenceModel, Settings, Target
 from goalpose.energy.weights import DEFAULT, EnergyWeights
 from goalpose.newton import minimise
@@ -34,7 +35,7 @@ class Round:
 
 
 RIGID = Round(keep=14, each=2, iterations=3, samples=1, joints=False)
-JOINTS = Round(keep=8, each=2, iterations=4, samples=1, joints=True)
+JOINTS = Round(keep=8, each=1, iterations=4, samples=1, joints=True)
 FINISH = Round(keep=2, each=2, iterations=8, samples=3, joints=True)
 POLISH = Round(keep=1, each=1, iterations=12, samples=3, joints=True)
 
@@ -117,6 +118,8 @@ def solve(
             joints=turn.joints,
             watch=_reporter(watch, stage, done, config),
         )
+        depths = penetration_depths(found.figure, model.body, target.distance)
+        found = replace(found, deepest=depths.amax(-1))
         done += turn.iterations
     return found.ranked()
 

@@ -2,19 +2,26 @@
 
 An object's front is opposite to its back (`goalpose.objects.heading`): a direction on the floor, as long as front and
 back differ, 1 for chairs and 0 for stools. The reference's front, carried by its pelvis, shall be the
-target's; a reference without a front (a stool's) fits an object with one as badly as one that looks aside.
+target's. A stool has none; there the person's own front counts a little, so that it fits an object with a front nearly
+as badly as one that looks aside, but nobody sits on a sofa's edge sideways.
 """
 
+import torch
 from character.rotation import quat_inv, quat_rotate
 from torch import Tensor
 
 from goalpose.energy.figure import Figure
 from goalpose.energy.rows import Bend, squares
 
+OWN_FRONT = 0.25  # how much a person's own front counts where the object has none
+
 
 def front_seen_by_pelvis(figure: Figure, front: Tensor) -> Tensor:
-    """The front `[3]` of the reference object in the frame of the reference's pelvis. -> [3]."""
-    return quat_rotate(quat_inv(figure.orientations[:1, 0]), front[None])[0]
+    """The front `[3]` of the reference object, or its person's, in the frame of the reference's pelvis. -> [3]."""
+    left = figure.axes[0, 0, :, 0]
+    own = torch.linalg.cross(left, torch.tensor([0.0, 1.0, 0.0]))
+    seen = torch.where(front.norm() < OWN_FRONT, OWN_FRONT * own, front)
+    return quat_rotate(quat_inv(figure.orientations[:1, 0]), seen[None])[0]
 
 
 def carried_front(figure: Figure, carried: Tensor) -> Tensor:
