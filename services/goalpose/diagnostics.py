@@ -32,9 +32,9 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
 
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
     `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
-    reference stands on it); `floor_reach`: how far level thighs keep the soles off the floor, 0 on seats of ordinary
-    height; `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance from the
-    reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
+    reference stands on it); `floor_reach`: how high the feet hang over the floor where the seat is higher than the
+    reference's and nothing else changes; `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance
+    from the reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)
@@ -59,11 +59,9 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
 
 
 def _floor_reach(figure: Figure, model: ReferenceModel, target: Target) -> float:
-    """How high [m] the soles of upright shanks under level thighs hang over the floor."""
-    hip, knee, ankle = figure.skeleton.indices(["leftUpperLeg", "leftLowerLeg", "leftFoot"])
-    shank = float((model.figure.positions[0, knee] - model.figure.positions[0, ankle]).norm())
-    sole = float(model.figure.positions[0, ankle, 1] - model.floor_height)
-    return max(0.0, float(figure.positions[0, hip, 1]) - target.floor_height - shank - sole)
+    """How much higher over the floor [m] than the reference's the hips are: so high its feet would hang."""
+    before = float(model.figure.root_position[0, 1] - model.floor_height)
+    return max(0.0, float(figure.root_position[0, 1]) - target.floor_height - before)
 
 
 def bone_depths(figure: Figure, model: ReferenceModel, target: Target) -> dict[str, float]:

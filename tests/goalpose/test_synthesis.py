@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from box_furniture import box
 from character.rotation import quat_from_yaw, quat_rotate
 from goalpose.objects import load_shape
 from goalpose.paper_solver import PaperConfig
@@ -53,6 +54,7 @@ def test_lying_on_a_sofa_stays_on_the_sofa(synthesizer):
 def test_a_dining_table_high_bar_seat_is_reported(synthesizer):
     result = synthesizer.synthesize(pair("bar_sit").shape, GoalPoseRequest(reference="chair_sit"))
     assert "FEET_OFF_FLOOR" in [w.reason for w in result.warnings]
+    assert result.diagnostics["floor_reach"] == pytest.approx(0.27, abs=0.03)
 
 
 def test_the_published_solver_runs(synthesizer):
@@ -95,6 +97,33 @@ def test_progress_is_told_in_the_world(synthesizer):
     shape = load_shape(turned_file("office_sit", 0.5, offset), "ply", unit="m", up="y")
     synthesizer.synthesize(shape, GoalPoseRequest(reference="chair_sit"), progress=told.append)
     assert np.linalg.norm((told[-1].pose.root_position - offset)[[0, 2]]) < 0.6
+
+
+TABLE = [
+    box(np.array([-0.8, 0.74, -0.4]), np.array([0.8, 0.78, 0.4])),
+    *(box(np.array([x, 0.0, z]), np.array([x + 0.05, 0.75, z + 0.05])) for x in (-0.78, 0.73) for z in (-0.38, 0.33)),
+]
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        pytest.param(trimesh.util.concatenate(TABLE), id="table"),
+        pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, 2.0, 0.3])), id="wardrobe"),
+        pytest.param(box(np.array([-0.05, 0.0, -0.05]), np.array([0.05, 1.6, 0.05])), id="post"),
+    ],
+)
+def test_nobody_sits_on_what_is_no_seat(synthesizer, mesh):
+    result = synthesizer.synthesize(load_shape(mesh.export(file_type="glb"), "glb"), GoalPoseRequest())
+    assert result.warnings[0].reason == "NO_PLAUSIBLE_POSE"
+
+
+@pytest.mark.parametrize("name", ["chair_sit", "office_sit", "stool_sit", "bench_sit", "sofa_sit"])
+def test_seats_raise_no_alarm(synthesizer, name):
+    result = synthesizer.synthesize(pair(name).shape, GoalPoseRequest(reference="chair_sit"))
+    assert result.warnings == ()
+    assert result.diagnostics["floor_reach"] < 0.03
+    assert max(result.poses[0].bone_depths.values()) == pytest.approx(result.diagnostics["penetration_depth"])
 
 
 @pytest.mark.parametrize(
