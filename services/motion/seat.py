@@ -22,6 +22,7 @@ _LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
 _CALVES = 0.16  # [m] standing place in front of the furniture's edge
 _STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most
 _SEAT_ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and up to here behind the ankles
+_LOPSIDED = 0.10  # [m] difference between the furniture's two sides that tells where its back is
 _LYING_ROOM = 0.15  # [m] kept clear around a lying pose
 
 
@@ -43,12 +44,22 @@ class Seat:
 
 
 def seat_of(figure: Figure, goal: Goal, place: Place) -> Seat:
-    """The seat of a goal for a character at `place`: where to stand depends on the lying pose's open side."""
+    """The seat of a goal for a character at `place`: where to stand depends on the lying pose's open side.
+
+    That is the one asked for, else the one where the furniture ends sooner (a back rest is on the other), else the one
+    that the character is on.
+    """
     if goal.action != "lie":
         return _sitting(figure, goal)
-    x, z, dx, dz = _posture(figure, goal)[2]
-    towards = (place[0] - x, place[1] - z) if goal.approach is None else goal.approach
-    return _lying(figure, goal, 1.0 if dz * towards[0] - dx * towards[1] >= 0 else -1.0)
+    x, z, dx, dz = map(float, _posture(figure, goal)[2])
+    left, right = (edge((x, z), (sign * dz, -sign * dx), goal.obstacles) for sign in (1, -1))
+    if goal.approach is not None:
+        towards = float(dz * goal.approach[0] - dx * goal.approach[1])
+    elif abs(left - right) > _LOPSIDED:
+        towards = right - left
+    else:
+        towards = dz * (place[0] - x) - dx * (place[1] - z)
+    return _lying(figure, goal, 1.0 if towards >= 0 else -1.0)
 
 
 @lru_cache(maxsize=512)

@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 Place = tuple[float, float]  # x, z [m]
 Outline = tuple[Place, ...]  # corners of a floor polygon
 
-_CLEARANCES = 0.36, 0.24, 0.12  # [m] from the root to an outline; narrower only where there is no other way
+_CLEARANCES = 0.50, 0.36, 0.24, 0.12  # [m] from the root to an outline; narrower only where there is no other way
 _HAIR = 0.01  # [m] ways may touch the widened outlines
 _UNDER = 0.1  # [m] from an outline, hips are still over its furniture
 _DEEPEST = 1.2  # [m] from the hips to the front of a seat

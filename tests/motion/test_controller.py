@@ -52,6 +52,9 @@ def test_lying_is_approached_from_the_asked_side():
     asked = seat_of(FIGURE, Goal(pose, "lie", np.array([1.0, 0.0])), (-3.0, 0.0))
     assert near.stand[0] < 0 < asked.stand[0]
     np.testing.assert_allclose(asked.stand[2:], [1.0, 0.0], atol=1e-5)
+    sofa = ((-0.9, -1.0), (0.3, -1.0), (0.3, 1.0), (-0.9, 1.0))  # ends sooner on the pose's left
+    sooner = seat_of(FIGURE, Goal(pose, "lie", obstacles=(sofa,)), (-3.0, 0.0))
+    assert sooner.stand[0] > 0.4
 
 
 def test_steering_sets_the_path_and_the_action():

@@ -25,7 +25,7 @@ def test_a_way_from_any_side_ends_before_the_seat_and_keeps_off_the_chair(angle)
     found = way(start, STAND, OPEN, (CHAIR,))
     assert (found[0], found[-1]) == (start, STAND)
     assert LineString(found).distance(Polygon(CHAIR)) > 0.19
-    assert length(found) < math.dist(start, STAND) + 0.8
+    assert length(found) < math.dist(start, STAND) + 1.1
 
 
 def test_the_way_goes_between_furniture_and_squeezes_only_where_it_must():
