@@ -256,6 +256,7 @@ class Motions(motion_pb2_grpc.MotionServiceServicer):
         self.created: list[motion_pb2.CreateSessionRequest] = []
         self.deleted: list[str] = []
         self.break_after = 0
+        self.break_code = grpc.StatusCode.UNAVAILABLE
         self.goodbye = False  # end the stream politely instead of breaking it
         self.forget_controls = False
 
@@ -340,7 +341,7 @@ class Motions(motion_pb2_grpc.MotionServiceServicer):
             if self.break_after and sent >= self.break_after:
                 if self.goodbye:
                     return
-                context.abort(grpc.StatusCode.UNAVAILABLE, "connection lost")
+                context.abort(self.break_code, "connection lost")
             frame = character.step(encoding)
             sent += 1
             yield motion_pb2.AnimateResponse(frame=frame)

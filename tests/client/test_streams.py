@@ -1,3 +1,4 @@
+import grpc
 import numpy as np
 import pytest
 from fake_services import FRAMES_TO_GOAL, Fake
@@ -53,10 +54,13 @@ def test_leaving_the_session_deletes_it(client: Client, fake: Fake):
     session.delete()  # a second time is no error
 
 
-@pytest.mark.parametrize("goodbye", [False, True])
+@pytest.mark.parametrize(
+    "end", ["UNAVAILABLE", "CANCELLED", "goodbye"]
+)  # a break, a server that shuts down, its goodbye
 @pytest.mark.parametrize("duplex", [True, False])
-def test_a_broken_stream_goes_on_after_the_last_frame(client: Client, fake: Fake, duplex: bool, goodbye: bool):
-    fake.motions.break_after, fake.motions.goodbye = 4, goodbye
+def test_a_broken_stream_goes_on_after_the_last_frame(client: Client, fake: Fake, duplex: bool, end: str):
+    fake.motions.break_after, fake.motions.goodbye = 4, end == "goodbye"
+    fake.motions.break_code = getattr(grpc.StatusCode, end, None)
     session = client.create_session()
     with session.stream() if duplex else session.watch() as stream:
         frames = take(stream, 11)

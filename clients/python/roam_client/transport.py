@@ -17,6 +17,8 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     ("grpc.max_reconnect_backoff_ms", 2000),
 )
 
+# How gRPC words a call that this side cancelled.
+_OWN_CANCEL = "Locally cancelled"
 # How gRPC's core words a connection that went away under a call, besides UNAVAILABLE: a reset, or a write that came too
 # late. If it was the server who said no, reopening the stream tells.
 _BROKEN_DETAILS = ("RST_STREAM", "Internal error from Core")
@@ -34,6 +36,8 @@ def breaks_stream(error: grpc.RpcError) -> bool:
     call: Any = error
     if call.code() is grpc.StatusCode.UNAVAILABLE:
         return True
+    if call.code() is grpc.StatusCode.CANCELLED:  # by a server that shuts down; else it was this side that left
+        return _OWN_CANCEL not in str(call.details())
     return any(words in str(call.details()) for words in _BROKEN_DETAILS)
 
 
