@@ -43,11 +43,15 @@ class SynthesizerPool:
         self.field_name = ""
         self._workers = [_Worker(settings, torch_threads, load) for _ in range(processes)]
         self._idle: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
-        for worker in self._workers:
-            worker.launch()
-        for worker in self._workers:
-            self.references, self.field_name = worker.wait_ready()
-            self._idle.put(worker)
+        try:
+            for worker in self._workers:
+                worker.launch()
+            for worker in self._workers:
+                self.references, self.field_name = worker.wait_ready()
+                self._idle.put(worker)
+        except BaseException:
+            self.close()
+            raise
 
     def synthesize(
         self,

@@ -239,12 +239,12 @@ async def test_uploads_are_read_in_a_child_process(monkeypatch, poser):
         running([service], settings) as addresses,
         httpx.AsyncClient(base_url=addresses.http, timeout=30) as client,
     ):
-        children = psutil.Process().children()
-        assert any("goalpose.objects.worker" in child.cmdline() for child in children)
+        readers = [child for child in psutil.Process().children() if "goalpose.objects.worker" in child.cmdline()]
+        assert readers
         assert (await upload(client)).status_code == 201
         refused = await upload(client, content=b"?", params={"format": "glb"})
         assert refused.json()["reason"] == "OBJECT_MALFORMED"
-    assert not any(child.is_running() for child in children)
+    assert not any(reader.is_running() for reader in readers)
 
 
 def skeleton_json(scale=1.0):

@@ -79,9 +79,11 @@ def test_a_process_that_dies_fails_its_request_and_no_other(pool, shape):
         assert pool.synthesize(shape, GoalPoseRequest(seed=seed)).name.endswith(str(seed))
 
 
-def test_a_pool_that_cannot_load_says_why():
+def test_a_pool_that_cannot_load_says_why_and_leaves_nothing_running():
+    before = {child.pid for child in psutil.Process().children()}
     with pytest.raises(RuntimeError, match="no weights here"):
-        SynthesizerPool(SynthesizerSettings(), processes=1, load=load_nothing)
+        SynthesizerPool(SynthesizerSettings(), processes=2, load=load_nothing)
+    assert {child.pid for child in psutil.Process().children()} <= before
 
 
 def test_closing_ends_the_processes():
