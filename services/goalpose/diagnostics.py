@@ -6,7 +6,7 @@ import torch
 
 from goalpose.candidates import facing_yaw
 from goalpose.energy.angle_limit import swing_twist
-from goalpose.energy.contact import SUPPORT
+from goalpose.energy.contact import LEAN, SUPPORT
 from goalpose.energy.figure import Figure
 from goalpose.energy.penetration import penetration_depths
 from goalpose.energy.prior import canonical_positions
@@ -33,8 +33,9 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
     `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
     reference stands on it); `floor_reach`: how high the feet hang over the floor where the seat is higher than the
-    reference's and nothing else changes; `heading`; `contacts_met`: weighted share; `pose_change`: mean joint distance
-    from the reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
+    reference's and nothing else changes; `heading`; `contacts_met`: weighted share; `support_miss`, `lean_miss`: median
+    distance of the body from what holds it from below and from behind; `pose_change`: mean joint distance from the
+    reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)
@@ -52,6 +53,9 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
             "pose_change": float((canonical_positions(figure)[0] - model.canonical[0]).norm(dim=-1).mean()),
             "limit_excess": _limit_excess(figure, model),
         }
+        leaning = contacts.group[0] == LEAN
+        if leaning.any():
+            values["lean_miss"] = float(misses[leaning].median())
         if on_floor.any():
             values["floor_distance"] = float(misses[on_floor].max())
             values["floor_reach"] = _floor_reach(figure, model, target)
@@ -90,9 +94,10 @@ def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
 
 
 def _implausible(values: dict[str, float]) -> bool:
-    """Not held from below, hips off the surface, through the object, or legs dangling high over the floor."""
+    """Not held from below, hips off the surface, through the object, or legs dangling high with no back behind."""
     held = values["support_miss"] < 0.06 and values["contacts_met"] > 0.25 and values["hip_seat_distance"] < 0.12
-    return not held or values["penetration_depth"] > 0.1 or values.get("floor_distance", 0.0) > 0.2
+    dangling = values.get("floor_distance", 0.0) > 0.2 and values.get("lean_miss", 1.0) > 0.06
+    return not held or dangling or values["penetration_depth"] > 0.1
 
 
 def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from goalpose.progress import Progress
 from goalpose.references import load_reference
-from goalpose.synthesis import GoalPoseResult
+from goalpose.synthesis import GoalPoseResult, RankedPose
 
 REFERENCE = Path(__file__).parents[2] / "examples/references/chair_sit.json"
 
@@ -34,16 +34,27 @@ class KnownAnswer:
             if progress is not None:
                 progress(step)
             time.sleep(0.1)
-        return GoalPoseResult(
-            name=f"goalPoses/sha256:{request.action}",
+        ranked = RankedPose(
             pose=pose,
-            energies={"descriptor": 0.2, "total": 0.2},
-            diagnostics={"hip_seat_distance": 0.01, "penetration_depth": 0.0},
-            warnings=(),
+            place=(middle[0], shape.bounds[1, 1], middle[2]),
             reference=pair.id,
             action=request.action,
+            energies={"descriptor": 0.2, "total": 0.2},
+            diagnostics={"hip_seat_distance": 0.01, "penetration_depth": 0.0, "contacts_met": 1.0},
+            bone_depths={},
+            warnings=(),
+        )
+        return GoalPoseResult(
+            name=f"goalPoses/sha256:{request.action}",
+            pose=ranked.pose,
+            energies=ranked.energies,
+            diagnostics=ranked.diagnostics,
+            warnings=ranked.warnings,
+            reference=ranked.reference,
+            action=ranked.action,
             floor_height=shape.floor_height,
             object=shape.name,
             seconds=0.5,
             candidates=(),
+            poses=(ranked,),
         )
