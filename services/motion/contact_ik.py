@@ -23,6 +23,7 @@ _STRAY = 0.15  # [m] a foot that the network wants this far away is let go
 _MISPLACED = 0.012  # [m] a seated foot farther than this from its goal place takes a step
 _LIFT = 0.03  # [m] height of that step
 _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
+_FLATTEST = 0.99  # share of a foot's length that it covers of the floor at most
 _REACH = 0.998  # share of the leg's length that counts as straight
 _FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) and when seated
 _YIELD = 0.02  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
@@ -107,16 +108,18 @@ def _locks(
 
 
 def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, eased: Tensor) -> Tensor:
-    """Ankle-to-toes vectors [B, 2, 3]: turned to the held toes where both are held, raised until the toes are above
+    """Ankle-to-toes vectors [B, 2, 3]: from lock to lock where both are held, else raised until the toes are above
     ground."""
     foot, toes = figure.legs[:, 2], figure.legs[:, 3]
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
     both = (eased[:, [0, 2]] * eased[:, [1, 3]])[..., None]
     flat, held = arm[..., [0, 2]], (locks[:, [1, 3]] - locks[:, [0, 2]])[..., [0, 2]]
     direction = torch.lerp(unit(flat), unit(held), both)
+    length = figure.lengths[toes]
     least = _LEAST_TOES - track[:, [0, 2], 1].clamp_min(_LEAST_ANKLE)
     raised = torch.maximum(arm[..., 1], least)
-    length = figure.lengths[toes]
+    apart = torch.minimum(vector_norm(held, dim=-1), _FLATTEST * length)
+    raised = torch.lerp(raised, -(length.square() - apart.square()).sqrt(), both[..., 0])
     across = (length.square() - raised.square()).clamp_min(1e-6).sqrt()[..., None] * unit(direction)
     return torch.stack([across[..., 0], raised, across[..., 1]], -1)
 
@@ -132,6 +135,9 @@ def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: 
     apart = vector_norm((locks - track)[:, [0, 2]], dim=-1)
     arc = torch.sin(torch.pi * weights[:, [0, 2]]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
     height = (free[..., 1] + arc).clamp_min(_LEAST_ANKLE)
+    # Where both are held the foot's pitch is given: the ankle stands over the toes, or they would slide.
+    sole = torch.minimum(track[:, [1, 3], 1], locks[:, [1, 3], 1]).clamp_min(_LEAST_TOES)
+    height = torch.lerp(height, sole - arms[..., 1], (heel * toe)[..., 0])
     return torch.stack([ankle[..., 0], height, ankle[..., 2]], -1)
 
 
