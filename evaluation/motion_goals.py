@@ -18,6 +18,7 @@ from character.pose import Pose
 from character.skeleton import humanoid_skeleton
 from goalpose.objects import ObjectError, Shape, format_of, load_shape
 from goalpose.objects.footprint import footprint
+from goalpose.objects.volume import shape_volume
 from goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
 from motion.intent import Goal
 
@@ -39,7 +40,8 @@ class SeatGoal:
     def intent(self) -> Goal:
         """What a character is told: the pose, and the object's outlines as obstacles."""
         outlines = tuple(tuple(map(tuple, corners.tolist())) for corners in footprint(self.shape.points))
-        return Goal(self.pose, self.action, self.approach, outlines)
+        down = np.array([0.0, -self.shape.floor_height, 0.0])
+        return Goal(self.pose, self.action, self.approach, outlines, shape_volume(self.shape).moved(down))
 
 
 def make_goals(

@@ -13,6 +13,7 @@ from goalpose.diagnostics import PoseWarning
 from goalpose.objects import Shape
 from goalpose.objects.axes import ROTATIONS
 from goalpose.objects.footprint import footprint
+from goalpose.objects.volume import shape_volume
 from goalpose.progress import Progress
 from goalpose.quality import PoseQuality, quality_of
 from goalpose.references import ReferencePair
@@ -68,6 +69,18 @@ def outline_messages(shape: Shape) -> list[skeleton_pb2.Outline]:
     return [skeleton_pb2.Outline(corners=corners.ravel().tolist()) for corners in footprint(shape.points)]
 
 
+def volume_message(shape: Shape) -> skeleton_pb2.Volume:
+    """The object for bodies to keep out of."""
+    volume = shape_volume(shape)
+    return skeleton_pb2.Volume(
+        origin=volume.origin.tolist(),
+        pitch=volume.pitch,
+        yaw=volume.yaw,
+        size=volume.values.shape,
+        values=volume.values.tobytes(),
+    )
+
+
 def reference_message(pair: ReferencePair, *, include_points: bool) -> goal_pose_pb2.ReferencePose:
     """What ListReferencePoses tells of one pair."""
     return goal_pose_pb2.ReferencePose(
@@ -99,6 +112,7 @@ def goal_pose_message(result: GoalPoseResult, shape: Shape, request: GoalPoseReq
     message.floor_height = result.floor_height
     message.alternatives.extend(others)
     message.footprint.extend(outline_messages(shape))
+    message.volume.CopyFrom(volume_message(shape))
     if request.skeleton is not None:
         own = skeleton_message(request.skeleton, body_capsules(request.skeleton))
         message.skeleton.CopyFrom(own.skeleton)

@@ -1,5 +1,6 @@
 """JSON of the goal pose service: what HTTP gives. Arrays are nested lists; metres, radians, xyzw."""
 
+from base64 import b64encode
 from datetime import datetime
 from typing import Any, Literal
 
@@ -141,6 +142,27 @@ class RankedPoseJson(BaseModel):
         )
 
 
+class VolumeJson(BaseModel):
+    """Where an object's matter is, coarsely; to be sent on as a goal's volume."""
+
+    origin: list[float] = Field(description="node (0, 0, 0), world x y z [m]")
+    pitch: float = Field(description="distance between nodes [m]")
+    yaw: float = Field(description="heading of the grid's z axis about +Y [rad]")
+    size: list[int] = Field(description="nodes along the grid's x, y and z axes")
+    values: str = Field(description="base64 of int8 [x, y, z]: signed distance in steps of 2.5 mm, negative inside")
+
+    @staticmethod
+    def of(message: skeleton_pb2.Volume) -> "VolumeJson":
+        """From the protocol."""
+        return VolumeJson(
+            origin=list(message.origin),
+            pitch=message.pitch,
+            yaw=message.yaw,
+            size=list(message.size),
+            values=b64encode(message.values).decode(),
+        )
+
+
 class GoalPoseJson(RankedPoseJson):
     """An answer: the best pose, and others where more were asked for."""
 
@@ -150,6 +172,7 @@ class GoalPoseJson(RankedPoseJson):
     footprint: list[list[tuple[float, float]]] = Field(
         description="corners x, z [m] of what the object covers of the floor; send it on as a goal's obstacles"
     )
+    volume: VolumeJson = Field(description="the object for bodies to keep out of; send it on as a goal's volume")
     alternatives: list[RankedPoseJson] = Field(description="the next best, best first")
     skeleton: SkeletonJson | None = Field(description="of the poses, when the request brought its own")
 
@@ -163,6 +186,7 @@ class GoalPoseJson(RankedPoseJson):
             object=message.object,
             floor_height=message.floor_height,
             footprint=[list(zip(o.corners[::2], o.corners[1::2], strict=True)) for o in message.footprint],
+            volume=VolumeJson.of(message.volume),
             alternatives=[RankedPoseJson.of(other) for other in message.alternatives],
             skeleton=SkeletonJson.of(message.skeleton) if message.HasField("skeleton") else None,
         )

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from motion.blending import WHOLE, Blending, blend_pose, blend_trajectory, blend_weights, limit_turns
+from motion.clearance import Furniture, keep_clear
 from motion.contact_ik import plant
 from motion.features import Answer, Goals, Inputs, decode, encode, goal_frame
 from motion.figure import Figure, Frame
@@ -17,13 +18,20 @@ from motion.state import FRAME_RATE, Characters
 # Normalised network call: raw inputs -> raw output [B, O].
 Predict = Callable[[Inputs], Tensor]
 
+_HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
+_COMMITTED = 0.3  # blending weight from which feet go where the goal pose has them
 _MOST_PHASE = 0.08  # [turns] per frame: 2.4 gait cycles a second
 
 
 def advance(
-    figure: Figure, predict: Predict, characters: Characters, goals: Goals, parts: Blending = WHOLE
+    figure: Figure,
+    predict: Predict,
+    characters: Characters,
+    goals: Goals,
+    parts: Blending = WHOLE,
+    around: tuple[Tensor, Furniture] | None = None,
 ) -> tuple[Characters, Tensor, Tensor]:
-    """The next frame of every character.
+    """The next frame of every character; `around` has the furniture of those rows [N] that are near some.
 
     Returns the new characters, their joint positions [B, J, 3] [m], and the mean joint distance to the goal pose [B]
     [m] (meaningful where the goal is active).
@@ -38,11 +46,21 @@ def advance(
     blend, settled = blend_weights(distance, action, characters.blend, characters.settled, goals.urgency, parts)
     facing = goal_frame(figure, goals)
     # Without an active goal there is nothing to blend with, whatever weight is left from before.
-    seated, floor = blend * goals.active, (styles[:, 3] < 0.5).float()
-    wanted, orientations = blend_pose(answer, root, goals, facing, seated, settled)
+    seated = blend * goals.active
+    wanted, orientations = blend_pose(answer, characters, positions, root, goals, facing, seated, settled)
     orientations = limit_turns(figure, characters.orientations, orientations, goals.active)
+    pushed = None
+    if around is not None:
+        rows, furniture = around
+        pushed = torch.zeros(len(wanted), 2, dtype=torch.bool)
+        wanted[rows], orientations[rows], pushed[rows] = keep_clear(
+            figure, furniture, wanted[rows], orientations[rows], settled[rows]
+        )
     contacts = answer.contacts.clamp(0.0, 1.0)
-    feet = plant(figure, characters, positions, wanted, orientations, contacts, seated=seated, floor=floor)
+    floor = _standing(figure, goals, styles, seated)
+    feet = plant(
+        figure, characters, positions, wanted, orientations, contacts, seated=seated, floor=floor, pushed=pushed
+    )
     after = figure.positions(feet.hips, feet.orientations)
     moved = Characters(
         hips=feet.hips,
@@ -60,6 +78,13 @@ def advance(
     moved.past = torch.cat([moved.past[..., :8], moved.past[..., 8:] - whole], -1)
     moved.future = torch.cat([moved.future[..., :8], moved.future[..., 8:] - whole], -1)
     return moved, after, (after - goals.pose_positions).norm(dim=-1).mean(-1)
+
+
+def _standing(figure: Figure, goals: Goals, styles: Tensor, seated: Tensor) -> Tensor:
+    """Whether each contact [B, 4] belongs on the floor: not when lying, and not where the goal's foot hangs."""
+    ankles = goals.pose_positions[:, figure.contacts[[0, 2]], 1].repeat_interleave(2, 1)
+    hanging = (ankles > _HANGING) & (seated[:, None] > _COMMITTED)
+    return (styles[:, 3:] < 0.5).float() * (~hanging).float()
 
 
 def _past(figure: Figure, characters: Characters, answer: Answer, after: Tensor, styles: Tensor) -> Tensor:

@@ -9,13 +9,15 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.linalg import vector_norm
 
 from motion.features import Answer, Goals, goal_orientations, world_axes
 from motion.figure import Figure, Frame, orthonormal, six, unit
-from motion.state import FUTURE
+from motion.state import FUTURE, Characters
 
 _STEEPNESS = 20.0  # [1/m]
 _HALFWAY = 0.25  # [m]
+_STRAY, _TWIST = 0.02, 0.1  # [m], [1] a joint may stray farther from its goal than it is: lifted feet, swinging arms
 _RISE, _FALL = 0.06, 0.15  # most that the weight may change in a frame: no pop when modes switch
 _SETTLE_WITHIN = 0.15  # [m] mean joint distance from which the held pose is drawn onto the goal
 _SETTLE_RISE, _SETTLE_FALL = 1 / 40, 1 / 10  # per frame
@@ -58,21 +60,40 @@ def blend_weights(
 
 
 def blend_pose(
-    answer: Answer, root: Frame, goals: Goals, facing: Frame, weight: Tensor, settled: Tensor
+    answer: Answer,
+    characters: Characters,
+    before: Tensor,
+    root: Frame,
+    goals: Goals,
+    facing: Frame,
+    weight: Tensor,
+    settled: Tensor,
 ) -> tuple[Tensor, Tensor]:
     """Blended joint positions [B, J, 3] and orientations [B, J, 3, 3] in the world.
 
-    `facing` is the goal's frame; `weight` and `settled` [B]. Settled, the inverse answer keeps a tenth of its distance
-    to the goal, so that the held pose ends in the goal whatever the network's own error there.
+    `before` [B, J, 3] the joints shown last, `facing` the goal's frame; `weight` and `settled` [B]. Settled, the
+    inverse answer keeps a tenth of its distance to the goal, so that the held pose ends in the goal whatever the
+    network's own error there. Nor does it lead away from the goal once it decides: a leg that it waves would never
+    come to rest.
     """
     own = (1 - (1 - _LIVING) * settled)[:, None, None] * (1 - goals.urgency)[:, None, None]
-    inverse = goals.pose_positions + facing.turn_out(answer.inverse_positions * own)
     rest = answer.inverse_axes.new_tensor([0.0, 0.0, 1.0, 0.0, 1.0, 0.0])
-    turned = six(goal_orientations(goals, rest + (answer.inverse_axes - rest) * own))
     w = weight[:, None, None]
+    away = answer.inverse_positions * _homing(answer.inverse_positions, before - goals.pose_positions, w, _STRAY)
+    here = six(goals.pose_orientations.transpose(-1, -2) @ characters.orientations)
+    turn = answer.inverse_axes - rest
+    turn = turn * _homing(turn, here - rest, w, _TWIST)
+    inverse = goals.pose_positions + facing.turn_out(away * own)
+    turned = six(goal_orientations(goals, rest + turn * own))
     positions = torch.lerp(root.points_out(answer.positions), inverse, w)
     axes = torch.lerp(world_axes(root, answer.axes), turned, w)
     return positions, orthonormal(axes)
+
+
+def _homing(answered: Tensor, present: Tensor, weight: Tensor, slack: float) -> Tensor:
+    """Factor [B, J, 1] that keeps answered offsets from the goal no larger than the `present` ones and some `slack`."""
+    size, most = vector_norm(answered, dim=-1, keepdim=True), vector_norm(present, dim=-1, keepdim=True) + slack
+    return 1 - weight * (1 - (most / size.clamp_min(1e-6)).clamp_max(1.0))
 
 
 def limit_turns(figure: Figure, before: Tensor, wanted: Tensor, active: Tensor) -> Tensor:

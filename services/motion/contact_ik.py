@@ -51,17 +51,21 @@ def plant(
     *,
     seated: Tensor,
     floor: Tensor,
+    pushed: Tensor | None = None,
 ) -> Planted:
     """Brings the feet to where they belong.
 
     Args: `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the blended ones, `orientations` [B, J, 3, 3],
-    `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B] 1 where feet belong on the floor
-    (0 when lying).
+    `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B, 4] 1 where they belong on the
+    floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether furniture is where the shin of a foot
+    would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
     within = _within_reach(figure, wanted, orientations, characters.locks)
     last = before[:, figure.contacts]
-    locks, weights = _locks(characters, last, track, contacts * floor[:, None], seated, within)
+    if pushed is not None:
+        within = within & ~pushed.repeat_interleave(2, -1)
+    locks, weights = _locks(characters, last, track, contacts * floor, seated, within)
     eased = weights * weights * (3 - 2 * weights)
     arms = _arms(figure, orientations, track, locks, eased)
     ankle = _ankles(track, locks, weights, eased, arms, seated)
@@ -95,7 +99,7 @@ def _locks(
     weights = characters.lock_weights
     held = weights >= 1
     apart = vector_norm((characters.locks - track)[..., [0, 2]], dim=-1)
-    misplaced = held & (seated[:, None] > 0.8) & (apart > _MISPLACED)
+    misplaced = held & (seated[:, None] > 0.45) & (apart > _MISPLACED)
     # One foot at a time: the other one (ankle or toes) must not be on its way.
     away = (weights > 0) & (weights < 1)
     other = away[:, [2, 3, 0, 1]].reshape(-1, 2, 2).any(-1).repeat_interleave(2, -1)

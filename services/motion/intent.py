@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from character.pose import Pose
+from character.volume import Volume
 
 from motion.ways import Outline
 
@@ -29,12 +30,14 @@ class Goal:
     `action` is sit or lie. `approach` [2] (x, z) points from the lying pose's hips to the open side of the furniture;
     None takes the side that the character is on. `obstacles` are outlines on the floor that the way goes round, the
     furniture's own among them; without any, the room that the pose takes up is kept clear.
+    `volume` is the furniture itself, which limbs stay out of on the way in and out.
     """
 
     pose: Pose
     action: str = "sit"
     approach: np.ndarray | None = None
     obstacles: tuple[Outline, ...] = ()
+    volume: Volume | None = None
 
 
 Intent = Idle | Steer | Goal

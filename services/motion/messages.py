@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 from character.pose import Pose
 from character.skeleton import Skeleton
+from character.volume import Volume
 from character.wire import pack_float32, pack_snorm16, unpack_float32
 from google.protobuf.timestamp_pb2 import Timestamp
 from roam.v1 import motion_pb2, skeleton_pb2
@@ -154,7 +155,21 @@ def _goal(message: motion_pb2.Goal, session: Session) -> Goal:
     pose = pose_of(message.pose, session.skeleton, field="control.goal.pose")
     down = np.array([0, -session.floor_height, 0], np.float32)
     approach = _direction(message.approach, "control.goal.approach") if message.HasField("approach") else None
-    return Goal(pose.moved(down), ACTIONS[message.action - 1], approach, _obstacles(message.obstacles))
+    volume = _volume(message.volume).moved(down) if message.HasField("volume") else None
+    return Goal(pose.moved(down), ACTIONS[message.action - 1], approach, _obstacles(message.obstacles), volume)
+
+
+def _volume(message: skeleton_pb2.Volume) -> Volume:
+    """The furniture, checked."""
+    field = "control.goal.volume"
+    if len(message.size) != 3 or np.prod([float(n) for n in message.size]) != len(message.values):
+        detail = f"size must be three node counts, values one byte a node; {len(message.values)} bytes are given"
+        raise ServiceError(GOAL_INVALID, detail, field=field)
+    values = np.frombuffer(message.values, np.int8).reshape(tuple(message.size))
+    try:
+        return Volume(np.array(message.origin, np.float32), message.pitch, message.yaw, values)
+    except ValueError as error:
+        raise ServiceError(GOAL_INVALID, str(error), field=field) from error
 
 
 def _obstacles(messages: Sequence[skeleton_pb2.Outline]) -> tuple[Outline, ...]:

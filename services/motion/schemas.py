@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from character.wire import pack_float32
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
 from roam.v1 import motion_pb2, skeleton_pb2
 
 from motion.messages import ACTIONS
@@ -76,6 +76,22 @@ class SteerJson(_Strict):
     facing: Number | None = Field(None, description="heading [rad]; absent: face where it walks")
 
 
+class VolumeJson(_Strict):
+    """The furniture of a goal: the `volume` of a goal pose can be sent as it is."""
+
+    origin: Vector = Field(description="node (0, 0, 0), world x y z [m]")
+    pitch: Number = Field(description="distance between nodes [m]")
+    yaw: Number = Field(0.0, description="heading of the grid's z axis about +Y [rad]")
+    size: Annotated[list[Annotated[int, Field(ge=2, le=100_000)]], Field(min_length=3, max_length=3)]
+    values: Base64Bytes = Field(description="int8 [x, y, z]: signed distance in steps of 2.5 mm, negative inside")
+
+    def message(self) -> skeleton_pb2.Volume:
+        """As the protocol tells it."""
+        return skeleton_pb2.Volume(
+            origin=self.origin, pitch=self.pitch, yaw=self.yaw, size=self.size, values=self.values
+        )
+
+
 class GoalJson(_Strict):
     """Head for a goal pose."""
 
@@ -87,6 +103,7 @@ class GoalJson(_Strict):
         [],
         description="what to walk round, the goal's furniture included: corners x, z [m] of outlines",
     )
+    volume: VolumeJson | None = Field(None, description="the furniture itself, which arms and legs keep out of")
 
 
 class PlaybackJson(_Strict):
@@ -116,6 +133,7 @@ class ControlJson(_Strict):
                 pose=self.goal.pose.message(),
                 approach=self.goal.approach,
                 obstacles=[skeleton_pb2.Outline(corners=sum(corners, ())) for corners in self.goal.obstacles],
+                volume=self.goal.volume.message() if self.goal.volume is not None else None,
             )
             goal.action = action  # type: ignore[assignment]  # an enum's number
             control.goal.CopyFrom(goal)

@@ -12,7 +12,9 @@ import numpy as np
 import torch
 from character.pose import Pose
 from character.rotation import quat_to_matrix
+from character.volume import Volume
 
+from motion.clearance import goal_depths
 from motion.figure import Figure
 from motion.intent import Goal
 from motion.ways import Outline, Place, edge
@@ -35,6 +37,8 @@ class Seat:
     root: np.ndarray  # [4] x, z, direction
     stand: np.ndarray  # [4] where to stand before and after: x, z, direction
     lying: bool
+    volume: Volume | None = None  # the furniture
+    depths: np.ndarray | None = None  # [P] how deep the pose's own limbs are in it (see clearance.py) [m]
 
     def same_as(self, other: "Seat") -> bool:
         """Whether the pose is the same to a tenth of a millimetre."""
@@ -91,7 +95,8 @@ def _sitting(figure: Figure, goal: Goal) -> Seat:
     feet = _ankles(figure, positions) + _STAND_AHEAD * facing
     short = edge(_pair(hips), _pair(facing), goal.obstacles) + _CALVES - float((feet - hips) @ facing)
     place = feet + min(max(short, 0.0), _STEP_BACK) * facing
-    return Seat(positions, orientations, root, np.concatenate([place, facing]).astype(np.float32), lying=False)
+    stand = np.concatenate([place, facing]).astype(np.float32)
+    return Seat(positions, orientations, root, stand, False, goal.volume, _depths(figure, goal))
 
 
 @lru_cache(maxsize=512)
@@ -101,7 +106,12 @@ def _lying(figure: Figure, goal: Goal, left: float) -> Seat:
     side = left * np.array([root[3], -root[2]], np.float32)
     ahead = max(_LIE_ASIDE, edge(_pair(root[:2]), _pair(side), goal.obstacles) + _CALVES)
     stand = np.concatenate([root[:2] + ahead * side, side]).astype(np.float32)
-    return Seat(positions, orientations, root, stand, lying=True)
+    return Seat(positions, orientations, root, stand, True, goal.volume, _depths(figure, goal))
+
+
+def _depths(figure: Figure, goal: Goal) -> np.ndarray | None:
+    positions, orientations, _ = _posture(figure, goal)
+    return goal_depths(figure, positions, orientations, goal.volume) if goal.volume else None
 
 
 def _room(figure: Figure, goal: Goal) -> Outline:

@@ -3,18 +3,20 @@
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
 import torch
 from character.rotation import quat_from_matrix
+from character.volume import Volume
 from safetensors import safe_open
 from torch import Tensor
 
 from motion.advance import advance
 from motion.blending import WHOLE, Blending
+from motion.clearance import Furniture, furniture_of, near
 from motion.controller import Body, Control, control, goals_of
 from motion.features import Inputs
 from motion.figure import Figure, humanoid_figure
@@ -32,6 +34,7 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 _ROWS = 8
 _LONG = 3600.0  # [s] range in which the living idle begins
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
+_VOLUME_FIELDS = ("seat.volume.frame", "seat.volume.packed", "seat.depths")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,9 @@ class CharacterState:
         seat = memory.seat
         if seat is not None:
             arrays |= {f"seat.{name}": getattr(seat, name) for name in _SEAT_FIELDS}
+            if seat.volume is not None and seat.depths is not None:
+                parts = (seat.volume.frame, seat.volume.packed, seat.depths)
+                arrays |= dict(zip(_VOLUME_FIELDS, parts, strict=True))
         numbers = [memory.mode, memory.since, memory.waiting, int(seat is not None and seat.lying)]
         arrays["control"] = np.array(numbers, np.int64)
         arrays["plan"] = np.array(list(asdict(memory.plan).values()), np.float64)
@@ -67,7 +73,7 @@ class CharacterState:
             seat = None
             if "seat.root" in stored:
                 positions, orientations, root, stand = (stored[f"seat.{name}"] for name in _SEAT_FIELDS)
-                seat = Seat(positions, orientations, root, stand, lying=bool(lying))
+                seat = Seat(positions, orientations, root, stand, bool(lying), *_stored_volume(stored))
             plan, clock = Plan(*map(float, stored["plan"])), float(stored["clock"])
         return CharacterState(body, Control(plan, mode, seat, since, waiting, clock))
 
@@ -143,7 +149,8 @@ class Animator:
             commands.append(command)
         goals = goals_of(self.figure, commands)
         goals.urgency *= self._blending.settling
-        after, _, _ = advance(self.figure, self._predict, characters, goals, self._blending)
+        around = _around(controls, bodies)
+        after, _, _ = advance(self.figure, self._predict, characters, goals, self._blending, around)
         clock = torch.tensor([memory.clock for memory in controls])
         orientations = alive(self.figure, after.orientations, stillness(after), clock)
         positions = self.figure.positions(after.hips, orientations)
@@ -167,6 +174,26 @@ class Animator:
         parts = [torch.cat([p, p.new_zeros(padding, p.shape[1])]) if padding else p for p in parts]
         chunks = [self._network(*(p[i : i + _ROWS] for p in parts)) for i in range(0, count + padding, _ROWS)]
         return norm.undo("output", torch.cat(chunks)[:count])
+
+
+def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
+    """The rows of characters that can touch their goal's furniture, and it."""
+    rows, volumes, allowed = [], [], []
+    for row, (memory, body) in enumerate(zip(controls, bodies, strict=True)):
+        seat = memory.seat
+        if seat is None or seat.volume is None or seat.depths is None or not near(seat.volume, body.x, body.z):
+            continue
+        rows.append(row)
+        volumes.append(seat.volume)
+        allowed.append(seat.depths)
+    return (torch.tensor(rows), furniture_of(volumes, allowed)) if rows else None
+
+
+def _stored_volume(stored: Mapping[str, np.ndarray]) -> tuple[Volume, np.ndarray] | tuple[None, None]:
+    if _VOLUME_FIELDS[0] not in stored:
+        return None, None
+    frame, packed, depths = (stored[name] for name in _VOLUME_FIELDS)
+    return Volume.unpacked(frame, packed), depths
 
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

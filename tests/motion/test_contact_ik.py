@@ -16,7 +16,7 @@ def standing():
 def planted(figure, characters, before, wanted, contacts, seated=0.0):
     feet = plant(
         figure, characters, before, wanted, characters.orientations, contacts,
-        seated=torch.tensor([seated]), floor=torch.ones(1),
+        seated=torch.tensor([seated]), floor=torch.ones(1, 4),
     )  # fmt: skip
     characters = replace(characters)
     characters.locks, characters.lock_weights = feet.locks, feet.weights

@@ -1,7 +1,9 @@
 """Outlines of furniture on their way from a control to the walker's goal."""
 
+from base64 import b64encode
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from character.skeleton import humanoid_skeleton
 from character.wire import pack_float32
@@ -15,11 +17,11 @@ SESSION = SimpleNamespace(skeleton=humanoid_skeleton(), floor_height=0.0)
 SQUARE = [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]
 
 
-def goal_with(*outlines):
+def goal_with(*outlines, volume=None):
     pose = seated_pose()
     message = skeleton_pb2.Pose(root_position=pack_float32(pose.root_position), rotations=pack_float32(pose.rotations))
     obstacles = [skeleton_pb2.Outline(corners=corners) for corners in outlines]
-    goal = motion_pb2.Goal(pose=message, action=skeleton_pb2.ACTION_SIT, obstacles=obstacles)
+    goal = motion_pb2.Goal(pose=message, action=skeleton_pb2.ACTION_SIT, obstacles=obstacles, volume=volume)
     return motion_pb2.ControlInput(goal=goal)
 
 
@@ -46,3 +48,38 @@ def test_json_carries_corner_pairs():
     }
     message = ControlJson.model_validate({"goal": goal}).message()
     assert list(message.goal.obstacles[0].corners) == [0, 0, 1, 0, 1, 1]
+
+
+def grid(**changes):
+    values = np.arange(24, dtype=np.int8)
+    return skeleton_pb2.Volume(
+        **({"origin": [1, 2, 3], "pitch": 0.04, "yaw": 0.5, "size": [2, 3, 4], "values": values.tobytes()} | changes)
+    )
+
+
+def test_a_volume_comes_with_its_floor_at_zero():
+    session = SimpleNamespace(skeleton=humanoid_skeleton(), floor_height=0.25)
+    volume = control_change(goal_with(volume=grid()), session).intent.volume
+    np.testing.assert_allclose(volume.origin, [1, 1.75, 3])
+    assert volume.values.shape == (2, 3, 4)
+    assert volume.values[1, 2, 3] == 23
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"size": [2, 3]}, {"size": [2, 3, 5]}, {"origin": [0, 0]}, {"pitch": 0.0}, {"yaw": float("nan")}, {"values": b""}],
+)
+def test_what_is_no_volume_is_refused_by_name(changes):
+    with pytest.raises(ServiceError) as error:
+        control_change(goal_with(volume=grid(**changes)), SESSION)
+    assert error.value.field == "control.goal.volume"
+
+
+def test_json_carries_volumes_in_base64():
+    pose, sent = seated_pose(), grid()
+    goal = {
+        "pose": {"root_position": pose.root_position.tolist(), "rotations": pose.rotations.tolist()},
+        "volume": {"origin": [1, 2, 3], "pitch": 0.04, "yaw": 0.5, "size": [2, 3, 4],
+                   "values": b64encode(sent.values).decode()},
+    }  # fmt: skip
+    assert ControlJson.model_validate({"goal": goal}).message().goal.volume == sent

@@ -88,6 +88,7 @@ class GoalPose:
     quality: PoseQuality
     place: tuple[float, ...]  # where on the object's surface the person is, x y z [m]
     footprint: tuple[Floats, ...] = ()  # [K, 2] corners x, z [m] of outlines that the object covers of the floor
+    volume: skeleton_pb2.Volume | None = None  # the object, for bodies to keep out of; sent on as it came
     alternatives: tuple["GoalPose", ...] = ()  # the next best, best first, when more than one were asked for
 
     @classmethod
@@ -101,6 +102,7 @@ class GoalPose:
             for other in message.alternatives
         ]
         footprint = outlines_from_messages(message.footprint)
+        volume = message.volume if message.HasField("volume") else None
         return cls(
             name=message.name,
             skeleton=skeleton,
@@ -118,8 +120,15 @@ class GoalPose:
             quality=PoseQuality.from_message(message.quality),
             place=tuple(message.place),
             footprint=footprint,
+            volume=volume,
             alternatives=tuple(
-                replace(other, object=message.object, floor_height=message.floor_height, footprint=footprint)
+                replace(
+                    other,
+                    object=message.object,
+                    floor_height=message.floor_height,
+                    footprint=footprint,
+                    volume=volume,
+                )
                 for other in others
             ),
         )
@@ -137,10 +146,14 @@ class GoalPose:
 
     @property
     def goal_message(self) -> motion_pb2.Goal:
-        """This pose as the goal of a motion session, with its object to walk round."""
+        """This pose as the goal of a motion session, with its object to walk round and to keep out of."""
         obstacles = [skeleton_pb2.Outline(corners=corners.ravel().tolist()) for corners in self.footprint]
         return motion_pb2.Goal(
-            goal_pose=self.name, pose=self.pose.message, action=self.action.message, obstacles=obstacles
+            goal_pose=self.name,
+            pose=self.pose.message,
+            action=self.action.message,
+            obstacles=obstacles,
+            volume=self.volume,
         )
 
     def arrays(self) -> dict[str, Any]:

@@ -558,6 +558,7 @@ class GoalPose(_message.Message):
     ALTERNATIVES_FIELD_NUMBER: _builtins.int
     SKELETON_FIELD_NUMBER: _builtins.int
     FOOTPRINT_FIELD_NUMBER: _builtins.int
+    VOLUME_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """"goalPoses/sha256:<hex>": hash of request and model; identical requests share it."""
     object: _builtins.str
@@ -610,6 +611,10 @@ class GoalPose(_message.Message):
     def footprint(self) -> _containers.RepeatedCompositeFieldContainer[_skeleton_pb2.Outline]:
         """What the object covers of the floor; send it on as Goal.obstacles."""
 
+    @_builtins.property
+    def volume(self) -> _skeleton_pb2.Volume:
+        """The object itself, for bodies to keep out of; send it on as Goal.volume."""
+
     def __init__(
         self,
         *,
@@ -628,10 +633,11 @@ class GoalPose(_message.Message):
         alternatives: _abc.Iterable[Global___GoalPose] | None = ...,
         skeleton: _skeleton_pb2.Skeleton | None = ...,
         footprint: _abc.Iterable[_skeleton_pb2.Outline] | None = ...,
+        volume: _skeleton_pb2.Volume | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["pose", b"pose", "quality", b"quality", "skeleton", b"skeleton"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["pose", b"pose", "quality", b"quality", "skeleton", b"skeleton", "volume", b"volume"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "alternatives", b"alternatives", "diagnostics", b"diagnostics", "energies", b"energies", "floor_height", b"floor_height", "footprint", b"footprint", "joint_positions", b"joint_positions", "name", b"name", "object", b"object", "place", b"place", "pose", b"pose", "quality", b"quality", "reference_pose", b"reference_pose", "skeleton", b"skeleton", "warnings", b"warnings"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["action", b"action", "alternatives", b"alternatives", "diagnostics", b"diagnostics", "energies", b"energies", "floor_height", b"floor_height", "footprint", b"footprint", "joint_positions", b"joint_positions", "name", b"name", "object", b"object", "place", b"place", "pose", b"pose", "quality", b"quality", "reference_pose", b"reference_pose", "skeleton", b"skeleton", "volume", b"volume", "warnings", b"warnings"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 

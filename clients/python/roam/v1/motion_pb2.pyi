@@ -321,6 +321,7 @@ class Goal(_message.Message):
     ACTION_FIELD_NUMBER: _builtins.int
     APPROACH_FIELD_NUMBER: _builtins.int
     OBSTACLES_FIELD_NUMBER: _builtins.int
+    VOLUME_FIELD_NUMBER: _builtins.int
     goal_pose: _builtins.str
     """Name of the goal pose, if it has one; not looked up, only repeated in events."""
     action: _skeleton_pb2.Action.ValueType
@@ -337,6 +338,12 @@ class Goal(_message.Message):
         Empty: only the room that the pose takes up is kept clear.
         """
 
+    @_builtins.property
+    def volume(self) -> _skeleton_pb2.Volume:
+        """The furniture of the goal (GoalPose.volume), which arms and legs keep out of on the way in and out; absent: they may
+        brush it.
+        """
+
     def __init__(
         self,
         *,
@@ -345,10 +352,11 @@ class Goal(_message.Message):
         action: _skeleton_pb2.Action.ValueType = ...,
         approach: _builtins.float | None = ...,
         obstacles: _abc.Iterable[_skeleton_pb2.Outline] | None = ...,
+        volume: _skeleton_pb2.Volume | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "approach", b"approach", "pose", b"pose"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "approach", b"approach", "pose", b"pose", "volume", b"volume"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "action", b"action", "approach", b"approach", "goal_pose", b"goal_pose", "obstacles", b"obstacles", "pose", b"pose"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "action", b"action", "approach", b"approach", "goal_pose", b"goal_pose", "obstacles", b"obstacles", "pose", b"pose", "volume", b"volume"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__approach: _TypeAlias = _typing.Literal["approach"]  # noqa: Y015
     _WhichOneofArgType__approach: _TypeAlias = _typing.Literal["_approach", b"_approach"]  # noqa: Y015

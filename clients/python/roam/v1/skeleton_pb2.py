@@ -24,15 +24,15 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16roam/v1/skeleton.proto\x12\x07roam.v1\"\x9e\x01\n\x08Skeleton\x12\n\n\x02id\x18\x01 \x01(\t\x12\x13\n\x0bjoint_names\x18\x02 \x03(\t\x12\x0f\n\x07parents\x18\x03 \x03(\x11\x12\x14\n\x0crest_offsets\x18\x04 \x01(\x0c\x12\x16\n\x0erest_rotations\x18\x05 \x01(\x0c\x12\x16\n\x0ehumanoid_bones\x18\x06 \x03(\t\x12\x1a\n\x04tips\x18\x07 \x03(\x0b\x32\x0c.roam.v1.Tip\"2\n\x03Tip\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05joint\x18\x02 \x01(\r\x12\x0e\n\x06offset\x18\x03 \x03(\x02\"D\n\x07\x43\x61psule\x12\r\n\x05joint\x18\x01 \x01(\r\x12\r\n\x05start\x18\x02 \x03(\x02\x12\x0b\n\x03\x65nd\x18\x03 \x03(\x02\x12\x0e\n\x06radius\x18\x04 \x01(\x02\"E\n\x04Pose\x12\x13\n\x0bskeleton_id\x18\x01 \x01(\t\x12\x15\n\rroot_position\x18\x02 \x01(\x0c\x12\x11\n\trotations\x18\x03 \x01(\x0c\"\x1a\n\x07Outline\x12\x0f\n\x07\x63orners\x18\x01 \x03(\x02\"&\n\x12GetSkeletonRequest\x12\x10\n\x08skeleton\x18\x01 \x01(\t\"Z\n\x13GetSkeletonResponse\x12#\n\x08skeleton\x18\x01 \x01(\x0b\x32\x11.roam.v1.Skeleton\x12\x1e\n\x04\x62ody\x18\x02 \x03(\x0b\x32\x10.roam.v1.Capsule\"\x16\n\x14ListSkeletonsRequest\"=\n\x15ListSkeletonsResponse\x12$\n\tskeletons\x18\x01 \x03(\x0b\x32\x11.roam.v1.Skeleton*b\n\x06\x41\x63tion\x12\x16\n\x12\x41\x43TION_UNSPECIFIED\x10\x00\x12\x0f\n\x0b\x41\x43TION_IDLE\x10\x01\x12\x0f\n\x0b\x41\x43TION_WALK\x10\x02\x12\x0e\n\nACTION_SIT\x10\x03\x12\x0e\n\nACTION_LIE\x10\x04\x32\xab\x01\n\x0fSkeletonService\x12H\n\x0bGetSkeleton\x12\x1b.roam.v1.GetSkeletonRequest\x1a\x1c.roam.v1.GetSkeletonResponse\x12N\n\rListSkeletons\x12\x1d.roam.v1.ListSkeletonsRequest\x1a\x1e.roam.v1.ListSkeletonsResponseb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16roam/v1/skeleton.proto\x12\x07roam.v1\"\x9e\x01\n\x08Skeleton\x12\n\n\x02id\x18\x01 \x01(\t\x12\x13\n\x0bjoint_names\x18\x02 \x03(\t\x12\x0f\n\x07parents\x18\x03 \x03(\x11\x12\x14\n\x0crest_offsets\x18\x04 \x01(\x0c\x12\x16\n\x0erest_rotations\x18\x05 \x01(\x0c\x12\x16\n\x0ehumanoid_bones\x18\x06 \x03(\t\x12\x1a\n\x04tips\x18\x07 \x03(\x0b\x32\x0c.roam.v1.Tip\"2\n\x03Tip\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05joint\x18\x02 \x01(\r\x12\x0e\n\x06offset\x18\x03 \x03(\x02\"D\n\x07\x43\x61psule\x12\r\n\x05joint\x18\x01 \x01(\r\x12\r\n\x05start\x18\x02 \x03(\x02\x12\x0b\n\x03\x65nd\x18\x03 \x03(\x02\x12\x0e\n\x06radius\x18\x04 \x01(\x02\"E\n\x04Pose\x12\x13\n\x0bskeleton_id\x18\x01 \x01(\t\x12\x15\n\rroot_position\x18\x02 \x01(\x0c\x12\x11\n\trotations\x18\x03 \x01(\x0c\"\x1a\n\x07Outline\x12\x0f\n\x07\x63orners\x18\x01 \x03(\x02\"R\n\x06Volume\x12\x0e\n\x06origin\x18\x01 \x03(\x02\x12\r\n\x05pitch\x18\x02 \x01(\x02\x12\x0b\n\x03yaw\x18\x03 \x01(\x02\x12\x0c\n\x04size\x18\x04 \x03(\r\x12\x0e\n\x06values\x18\x05 \x01(\x0c\"&\n\x12GetSkeletonRequest\x12\x10\n\x08skeleton\x18\x01 \x01(\t\"Z\n\x13GetSkeletonResponse\x12#\n\x08skeleton\x18\x01 \x01(\x0b\x32\x11.roam.v1.Skeleton\x12\x1e\n\x04\x62ody\x18\x02 \x03(\x0b\x32\x10.roam.v1.Capsule\"\x16\n\x14ListSkeletonsRequest\"=\n\x15ListSkeletonsResponse\x12$\n\tskeletons\x18\x01 \x03(\x0b\x32\x11.roam.v1.Skeleton*b\n\x06\x41\x63tion\x12\x16\n\x12\x41\x43TION_UNSPECIFIED\x10\x00\x12\x0f\n\x0b\x41\x43TION_IDLE\x10\x01\x12\x0f\n\x0b\x41\x43TION_WALK\x10\x02\x12\x0e\n\nACTION_SIT\x10\x03\x12\x0e\n\nACTION_LIE\x10\x04\x32\xab\x01\n\x0fSkeletonService\x12H\n\x0bGetSkeleton\x12\x1b.roam.v1.GetSkeletonRequest\x1a\x1c.roam.v1.GetSkeletonResponse\x12N\n\rListSkeletons\x12\x1d.roam.v1.ListSkeletonsRequest\x1a\x1e.roam.v1.ListSkeletonsResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'roam.v1.skeleton_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_ACTION']._serialized_start=636
-  _globals['_ACTION']._serialized_end=734
+  _globals['_ACTION']._serialized_start=720
+  _globals['_ACTION']._serialized_end=818
   _globals['_SKELETON']._serialized_start=36
   _globals['_SKELETON']._serialized_end=194
   _globals['_TIP']._serialized_start=196
@@ -43,14 +43,16 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_POSE']._serialized_end=387
   _globals['_OUTLINE']._serialized_start=389
   _globals['_OUTLINE']._serialized_end=415
-  _globals['_GETSKELETONREQUEST']._serialized_start=417
-  _globals['_GETSKELETONREQUEST']._serialized_end=455
-  _globals['_GETSKELETONRESPONSE']._serialized_start=457
-  _globals['_GETSKELETONRESPONSE']._serialized_end=547
-  _globals['_LISTSKELETONSREQUEST']._serialized_start=549
-  _globals['_LISTSKELETONSREQUEST']._serialized_end=571
-  _globals['_LISTSKELETONSRESPONSE']._serialized_start=573
-  _globals['_LISTSKELETONSRESPONSE']._serialized_end=634
-  _globals['_SKELETONSERVICE']._serialized_start=737
-  _globals['_SKELETONSERVICE']._serialized_end=908
+  _globals['_VOLUME']._serialized_start=417
+  _globals['_VOLUME']._serialized_end=499
+  _globals['_GETSKELETONREQUEST']._serialized_start=501
+  _globals['_GETSKELETONREQUEST']._serialized_end=539
+  _globals['_GETSKELETONRESPONSE']._serialized_start=541
+  _globals['_GETSKELETONRESPONSE']._serialized_end=631
+  _globals['_LISTSKELETONSREQUEST']._serialized_start=633
+  _globals['_LISTSKELETONSREQUEST']._serialized_end=655
+  _globals['_LISTSKELETONSRESPONSE']._serialized_start=657
+  _globals['_LISTSKELETONSRESPONSE']._serialized_end=718
+  _globals['_SKELETONSERVICE']._serialized_start=821
+  _globals['_SKELETONSERVICE']._serialized_end=992
 # @@protoc_insertion_point(module_scope)

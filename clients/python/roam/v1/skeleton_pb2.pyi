@@ -233,6 +233,48 @@ class Outline(_message.Message):
 Global___Outline: _TypeAlias = Outline  # noqa: Y015
 
 @_typing.final
+class Volume(_message.Message):
+    """Where an object's matter is, coarsely: signed distance at the nodes of a grid, for bodies to keep out of."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    ORIGIN_FIELD_NUMBER: _builtins.int
+    PITCH_FIELD_NUMBER: _builtins.int
+    YAW_FIELD_NUMBER: _builtins.int
+    SIZE_FIELD_NUMBER: _builtins.int
+    VALUES_FIELD_NUMBER: _builtins.int
+    pitch: _builtins.float
+    """Distance between nodes [m]."""
+    yaw: _builtins.float
+    """Heading of the grid's z axis about +Y [rad]."""
+    values: _builtins.bytes
+    """Distances to the surface in steps of 2.5 mm, negative inside, clipped: int8, shape [x, y, z]."""
+    @_builtins.property
+    def origin(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
+        """Node (0, 0, 0) [m], world x y z."""
+
+    @_builtins.property
+    def size(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]:
+        """Nodes along the grid's x, y and z axes; at most 200,000 in all."""
+
+    def __init__(
+        self,
+        *,
+        origin: _abc.Iterable[_builtins.float] | None = ...,
+        pitch: _builtins.float = ...,
+        yaw: _builtins.float = ...,
+        size: _abc.Iterable[_builtins.int] | None = ...,
+        values: _builtins.bytes = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["origin", b"origin", "pitch", b"pitch", "size", b"size", "values", b"values", "yaw", b"yaw"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___Volume: _TypeAlias = Volume  # noqa: Y015
+
+@_typing.final
 class GetSkeletonRequest(_message.Message):
     """Request of GetSkeleton."""
 

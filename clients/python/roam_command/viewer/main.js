@@ -175,7 +175,9 @@ function goToGoal() {
   };
   const action = goal.action === "lie" ? Action.LIE : Action.SIT;
   const obstacles = (goal.footprint ?? []).map((corners) => ({ corners: corners.flat() }));
-  stream.control({ goal: { goal_pose: goal.name, pose, action, obstacles } });
+  const values = Uint8Array.from(atob(goal.volume.values), (letter) => letter.charCodeAt(0));
+  const volume = { ...goal.volume, values };
+  stream.control({ goal: { goal_pose: goal.name, pose, action, obstacles, volume } });
 }
 
 function standUp() {

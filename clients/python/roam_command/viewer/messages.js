@@ -67,11 +67,20 @@ export const Steer = {
 
 export const Outline = { 1: ["corners", "float", "repeated"] };
 
+export const Volume = {
+  1: ["origin", "float", "repeated"],
+  2: ["pitch", "float"],
+  3: ["yaw", "float"],
+  4: ["size", "uint32", "repeated"],
+  5: ["values", "bytes"],
+};
+
 export const Goal = {
   1: ["goal_pose", "string"],
   2: ["pose", Pose],
   3: ["action", "enum"],
   5: ["obstacles", Outline, "repeated"],
+  6: ["volume", Volume],
 };
 export const Playback = { 1: ["paused", "bool"] };
 

@@ -1,0 +1,53 @@
+"""Where an object's matter is, for bodies to keep out of: signed distance on a coarse grid, small enough to send.
+
+Distances are whole steps of 2.5 mm in one byte, clipped at 32 cm: farther away nothing touches.
+"""
+
+import zlib
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+STEP = 0.0025  # [m] of distance
+MOST_NODES = 200_000
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """Signed distance to an object at the nodes of a grid, negative inside."""
+
+    origin: npt.NDArray[np.float32]  # [3] node (0, 0, 0) in the world [m]
+    pitch: float  # node spacing [m]
+    yaw: float  # by which the grid's axes are turned about +Y [rad]
+    values: npt.NDArray[np.int8]  # [X, Y, Z] in steps of 2.5 mm
+
+    def __post_init__(self) -> None:
+        """ValueError when it cannot be a volume."""
+        numbers = [*self.origin, self.pitch, self.yaw]
+        if self.origin.shape != (3,) or not np.isfinite(numbers).all() or not 1e-3 <= self.pitch <= 1.0:
+            raise ValueError("a volume needs an origin of three finite numbers and a pitch of 1 mm to 1 m")
+        if self.values.ndim != 3 or min(self.values.shape) < 2 or self.values.size > MOST_NODES:
+            raise ValueError(f"a volume has at least 2 nodes along each axis and at most {MOST_NODES:,} in all")
+
+    def moved(self, offset: npt.NDArray[np.floating]) -> "Volume":
+        """The same object elsewhere, `offset` [3] [m]."""
+        return replace(self, origin=(self.origin + offset).astype(np.float32))
+
+    @cached_property
+    def packed(self) -> npt.NDArray[np.uint8]:
+        """The values, compressed."""
+        return np.frombuffer(zlib.compress(self.values.tobytes(), 6), np.uint8)
+
+    @cached_property
+    def frame(self) -> npt.NDArray[np.float64]:
+        """Everything but the values: origin, pitch, yaw, node counts. [8]"""
+        return np.array([*self.origin, self.pitch, self.yaw, *self.values.shape], np.float64)
+
+    @staticmethod
+    def unpacked(frame: npt.NDArray[np.float64], packed: npt.NDArray[np.uint8]) -> "Volume":
+        """From `frame` and `packed`. ValueError when they do not fit."""
+        size = tuple(int(n) for n in frame[5:])
+        values = np.frombuffer(zlib.decompress(packed.tobytes()), np.int8).reshape(size)
+        return Volume(frame[:3].astype(np.float32), float(frame[3]), float(frame[4]), values)
