@@ -20,8 +20,9 @@ def revive(
     snapshot = _fitting(claim, after_sequence)
     session = make(snapshot)
     later = [(entry, _change(entry.control, session)) for entry in claim.controls]
-    newest, reach = claim.snapshots[-1].sequence, 0 if claim.released else reach
-    session.restore(snapshot, _change(snapshot.control, session), later, newest=newest, reach=reach)
+    last = claim.snapshots[-1]
+    shown = max(last.shown, last.sequence + (0 if claim.released else reach))
+    session.restore(snapshot, _change(snapshot.control, session), later, newest=last.sequence, shown=shown)
     session.exact = snapshot.build == build
     return session
 

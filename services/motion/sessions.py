@@ -200,6 +200,7 @@ class Session:
             watch=(watch.near, watch.last, watch.told),
             reached=self.reached.SerializeToString() if self.reached else b"",
             build=build if self.exact else "",
+            shown=self._seen_elsewhere,
         )
 
     def restore(
@@ -209,12 +210,12 @@ class Session:
         later: Sequence[tuple[ControlEntry, ControlChange]],
         *,
         newest: int,
-        reach: int,
+        shown: int,
     ) -> None:
         """Goes back to a snapshot, whose `state` this session was made with, and to the controls taken after it.
 
         `current` is the change behind `snapshot.control`. Frames up to the `newest` snapshot and the newest control are
-        computed again at once. The replica before may have shown `reach` frames more: new controls come after those.
+        computed again at once. Replicas before may have shown frames up to `shown`: new controls come after those.
         """
         self.sequence = snapshot.sequence
         self.paused = snapshot.paused
@@ -227,7 +228,7 @@ class Session:
             if entry.effective > snapshot.sequence:
                 self.accept(entry, change)
         self.replay_until = max([newest, *(entry.effective - 1 for entry, _ in later)])
-        self._seen_elsewhere = max(newest + reach, self.replay_until)
+        self._seen_elsewhere = max(shown, self.replay_until)
 
     def lacks(self, after_sequence: int) -> bool:
         """Whether frames after this one were computed elsewhere and could be computed again, disturbing nobody."""

@@ -47,6 +47,7 @@ class Snapshot:
     watch: tuple[int, float | None, bool]  # the goal watch's near, last and told
     reached: bytes  # the last GOAL_REACHED, a motion_pb2.SessionEvent
     build: str  # what computed the frames; where this differs they may differ in the last bits. "": mixed
+    shown: int = 0  # a replica that died may have shown frames up to here
 
 
 @dataclass(frozen=True)
