@@ -33,7 +33,6 @@ class SeatGoal:
     category: str
     action: str
     pose: Pose
-    approach: np.ndarray | None  # [2] towards the open side, for lying
     shape: Shape
 
     @cached_property
@@ -41,7 +40,7 @@ class SeatGoal:
         """What a character is told: the pose, and the object's outlines as obstacles."""
         outlines = tuple(tuple(map(tuple, corners.tolist())) for corners in footprint(self.shape.points))
         down = np.array([0.0, -self.shape.floor_height, 0.0])
-        return Goal(self.pose, self.action, self.approach, outlines, shape_volume(self.shape).moved(down))
+        return Goal(self.pose, self.action, None, outlines, shape_volume(self.shape).moved(down))
 
 
 def make_goals(
@@ -82,26 +81,7 @@ def _goal(item: EvaluationObject, action: str, record: dict[str, list[float]], s
         humanoid_skeleton(), np.array(record["root_position"], np.float32), np.array(record["rotations"], np.float32)
     )
     pose = pose.moved(np.array([0, -shape.floor_height, 0], np.float32))
-    approach = open_side(pose, shape) if action == "lie" else None
-    return SeatGoal(item.name, item.category, action, pose, approach, shape)
-
-
-def open_side(pose: Pose, shape: Shape) -> np.ndarray:
-    """The side [2] (x, z) of a lying pose that is open: rays from the hips to both sides meet a back rest or nothing.
-
-    The paper casts one ray along the vector between the feet (supplement C) and flips it on a hit.
-    """
-    hips = pose.positions()[0] + np.array([0, shape.floor_height, 0])
-    yaw = pose.yaw()
-    left = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
-    reach = np.linspace(0.15, 0.8, 27)[:, None]
-    free = []
-    for side in (left, -left):
-        # Over the seat, at the height of a back or arm rest.
-        points = hips + np.array([0, 0.22, 0]) + reach * side
-        free.append(float(shape.distance.query(torch.tensor(points, dtype=torch.float32)).min()))
-    best = left if free[0] >= free[1] else -left
-    return np.array([best[0], best[2]])
+    return SeatGoal(item.name, item.category, action, pose, shape)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

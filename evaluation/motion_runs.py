@@ -58,12 +58,12 @@ class Take(Track):
 
 
 def draw_starts(goals: list[SeatGoal], *, spread: float, seed: int) -> list[Start]:
-    """2-4 m from the goal hip, within `spread` [rad] of its open side, heading within 30 degrees of facing it."""
+    """2-4 m from the goal hip, within `spread` [rad] of its front, heading within 30 degrees of facing it."""
     rng = np.random.default_rng(seed)
     starts = []
     for number, goal in enumerate(goals):
         hip = goal.pose.positions()[0]
-        front = goal.pose.yaw() if goal.approach is None else math.atan2(*map(float, goal.approach))
+        front = goal.pose.yaw()
         angle, distance = front + rng.uniform(-spread, spread), rng.uniform(2.0, 4.0)
         x, z = hip[0] + distance * math.sin(angle), hip[2] + distance * math.cos(angle)
         heading = angle + math.pi + rng.uniform(-math.pi / 6, math.pi / 6)

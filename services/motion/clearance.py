@@ -17,7 +17,9 @@ from torch.linalg import vector_norm
 
 from motion.figure import Figure, turn_between, unit
 
+_SKIN = 0.008  # [m] kept between body and furniture: the grid rounds thin parts off
 _ROUNDS = 3  # of pushing
+_FASTEST = 0.04  # [m] a foot is pushed per frame at most
 _MOVED = 0.01  # [m] a foot pushed farther than this cannot stay where it is
 _REACH = 0.9  # [m] from the hips to the furniture's box within which limbs may touch it
 _LET_GO = 0.6, 1.0  # settledness from which the push fades, and at which it is gone
@@ -71,6 +73,7 @@ class Furniture:
     pitch: Tensor  # [B] [m]
     axes: Tensor  # [B, 3, 3] row vectors of the grid times this are in the world
     allowed: Tensor  # [B, P] depth of every sample that the goal pose itself has [m]
+    walked_round: Tensor  # [B] 1, or 0 where one lies down: feet go onto such furniture
 
     def distance(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance [B, P] [m] and its gradient [B, P, 3] at `points` [B, P, 3], interpolated between nodes."""
@@ -96,8 +99,8 @@ class Furniture:
         return torch.lerp(near, far, u) + outside, slope @ self.axes
 
 
-def furniture_of(volumes: list[Volume], allowed: list[np.ndarray]) -> Furniture:
-    """The volumes of B characters; the same volume is kept once."""
+def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], lying: list[bool]) -> Furniture:
+    """The volumes of B characters, who lie down on them or not; the same volume is kept once."""
     distinct = {id(volume): volume for volume in volumes}
     starts, count = {}, 0
     for key, volume in distinct.items():
@@ -113,6 +116,7 @@ def furniture_of(volumes: list[Volume], allowed: list[np.ndarray]) -> Furniture:
         pitch=torch.tensor([volume.pitch for volume in volumes], dtype=torch.float32),
         axes=torch.tensor([[[c, 0, -s], [0, 1, 0], [s, 0, c]] for c, s in turns], dtype=torch.float32),
         allowed=torch.from_numpy(np.stack(allowed)),
+        walked_round=1.0 - torch.tensor(lying, dtype=torch.float32),
     )
 
 
@@ -128,13 +132,13 @@ def near(volume: Volume, x: float, z: float) -> bool:
 def goal_depths(figure: Figure, positions: np.ndarray, orientations: np.ndarray, volume: Volume) -> np.ndarray:
     """How deep every sample of a goal pose (joints [J, 3], orientations [J, 3, 3]) lies in its furniture [P] [m]."""
     limbs = limbs_of(figure)
-    furniture = furniture_of([volume], [np.zeros(0, np.float32)])
+    furniture = furniture_of([volume], [np.zeros(0, np.float32)], [False])
     joints, turns = torch.from_numpy(positions)[None], torch.from_numpy(orientations)[None]
     arms = _arm_samples(limbs, joints[:, limbs.arms], _tips(limbs, turns))
     toes = joints[:, figure.legs[:, 3]]
     shins = _shin_samples(joints[:, figure.legs[:, 1]], joints[:, figure.legs[:, 2]], toes)
     gap, _ = furniture.distance(torch.cat([arms.flatten(1, 2), shins.flatten(1, 2)], 1))
-    return (_radii(limbs) - gap)[0].clamp_min(0.0).numpy()
+    return (_radii(limbs) + _SKIN - gap)[0].clamp_min(0.0).numpy()
 
 
 def keep_clear(
@@ -148,7 +152,7 @@ def keep_clear(
     joints = figure.positions(wanted[:, 0], orientations)
     limbs = limbs_of(figure)
     orientations = _arms_cleared(furniture, limbs, joints, orientations, weight)
-    shift = _feet_shift(figure, furniture, limbs, joints, wanted, weight)
+    shift = _feet_shift(figure, furniture, limbs, joints, wanted, weight * furniture.walked_round)
     cleared = wanted.clone()
     cleared[:, figure.contacts] += shift.repeat_interleave(2, 1)
     return cleared, orientations, vector_norm(shift, dim=-1) > _MOVED
@@ -179,7 +183,7 @@ def _shin_samples(knees: Tensor, ankles: Tensor, toes: Tensor) -> Tensor:
 def _pushes(furniture: Furniture, points: Tensor, radii: Tensor, allowed: Tensor) -> tuple[Tensor, Tensor]:
     """Depth [B, 2, K] [m] beyond what is allowed, and the push [B, 2, K, 3] [m] that ends it."""
     gap, slope = furniture.distance(points.flatten(1, 2))
-    depth = (radii - gap.unflatten(1, points.shape[1:3]) - allowed).clamp_min(0.0)
+    depth = (radii + _SKIN - gap.unflatten(1, points.shape[1:3]) - allowed).clamp_min(0.0)
     return depth, depth[..., None] * unit(slope).unflatten(1, points.shape[1:3])
 
 
@@ -222,4 +226,4 @@ def _feet_shift(
         points = _shin_samples(joints[:, shin], wanted[:, foot] + shift, wanted[:, toes] + shift)
         depth, push = _pushes(furniture, points, limbs.shin_radii, allowed)
         shift = (shift + weight[:, None, None] * _shared(depth, push, shares)).maximum(down)
-    return shift
+    return shift * (_FASTEST / vector_norm(shift, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)

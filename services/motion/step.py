@@ -178,7 +178,7 @@ class Animator:
 
 def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
     """The rows of characters that can touch their goal's furniture, and it."""
-    rows, volumes, allowed = [], [], []
+    rows, volumes, allowed, lying = [], [], [], []
     for row, (memory, body) in enumerate(zip(controls, bodies, strict=True)):
         seat = memory.seat
         if seat is None or seat.volume is None or seat.depths is None or not near(seat.volume, body.x, body.z):
@@ -186,7 +186,8 @@ def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor
         rows.append(row)
         volumes.append(seat.volume)
         allowed.append(seat.depths)
-    return (torch.tensor(rows), furniture_of(volumes, allowed)) if rows else None
+        lying.append(seat.lying)
+    return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
 
 
 def _stored_volume(stored: Mapping[str, np.ndarray]) -> tuple[Volume, np.ndarray] | tuple[None, None]:

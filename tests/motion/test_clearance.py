@@ -39,7 +39,7 @@ def free(count=1):
 def test_distances_are_those_of_the_box():
     volume = box([-0.3, 0.0, -0.3], [0.3, 0.4, 0.3])
     points = torch.tensor([[[0.0, 0.5, 0.0], [0.5, 0.2, 0.0], [0.0, 0.35, 0.0]]])
-    distance, slope = furniture_of([volume], free()).distance(points)
+    distance, slope = furniture_of([volume], free(), [False]).distance(points)
     torch.testing.assert_close(distance, torch.tensor([[0.1, 0.2, -0.05]]), atol=0.005, rtol=0)
     torch.testing.assert_close(slope[0, :2], torch.tensor([[0.0, 1, 0], [1, 0, 0]]), atol=0.05, rtol=0)
 
@@ -48,7 +48,9 @@ def test_a_turned_volume_is_turned():
     volume = box([0.0, 0.0, 1.0], [0.2, 0.4, 1.4], yaw=np.pi / 2)
     # nodes are placed from the origin on: turned a quarter, the grid's z axis runs along the world's x
     corner = volume.origin + np.array([0.12 + 0.2, 0.12 + 0.2, -0.12 - 0.1])
-    distance, _ = furniture_of([volume], free()).distance(torch.tensor(corner, dtype=torch.float32)[None, None])
+    distance, _ = furniture_of([volume], free(), [False]).distance(
+        torch.tensor(corner, dtype=torch.float32)[None, None]
+    )
     assert float(distance) < -0.05
     assert near(volume, float(corner[0]), float(corner[2]))
     assert not near(volume, float(corner[0]) + 3, float(corner[2]))
@@ -60,7 +62,7 @@ def test_a_hand_in_the_furniture_comes_out_and_bones_keep_their_lengths():
     volume = box(
         wrist - np.array([0.10, 0.2, 0.2]), wrist + np.array([0.02, 0.2, 0.2])
     )  # from the inside to just beyond the wrist
-    furniture = furniture_of([volume], free())
+    furniture = furniture_of([volume], free(), [False])
     depth = 0.037 - float(furniture.distance(torch.tensor(wrist)[None, None])[0])
     _, cleared, _ = keep_clear(FIGURE, furniture, joints, orientations, torch.zeros(1))
     after = FIGURE.positions(joints[:, 0], cleared)
@@ -78,7 +80,10 @@ def test_what_the_goal_pose_presses_is_allowed_and_settling_ends_the_push():
     volume = box(wrist - np.array([0.10, 0.2, 0.2]), wrist + np.array([0.02, 0.2, 0.2]))
     own = goal_depths(FIGURE, joints[0].numpy(), orientations[0].numpy(), volume)
     assert own.max() > 0.04
-    for furniture, settled in ((furniture_of([volume], [own]), 0.0), (furniture_of([volume], free()), 1.0)):
+    for furniture, settled in (
+        (furniture_of([volume], [own], [False]), 0.0),
+        (furniture_of([volume], free(), [False]), 1.0),
+    ):
         wanted, cleared, pushed = keep_clear(FIGURE, furniture, joints, orientations, torch.tensor([settled]))
         torch.testing.assert_close(cleared, orientations, atol=2e-3, rtol=0)
         torch.testing.assert_close(wanted, joints, atol=5e-3, rtol=0)
@@ -89,9 +94,21 @@ def test_a_foot_under_the_furniture_comes_forward_and_is_not_held():
     joints, orientations = seated()
     ankle = joints[0, FIGURE.skeleton.index("leftFoot")].numpy()
     volume = box(ankle - np.array([0.2, 0.05, 0.5]), ankle + np.array([0.2, 0.3, 0.01]))
-    wanted, _, pushed = keep_clear(FIGURE, furniture_of([volume], free()), joints, orientations, torch.zeros(1))
+    wanted, _, pushed = keep_clear(
+        FIGURE, furniture_of([volume], free(), [False]), joints, orientations, torch.zeros(1)
+    )
     assert float((wanted - joints)[0, FIGURE.skeleton.index("leftFoot"), 2]) > 0.03
     assert bool(pushed[0, 0])
+
+
+def test_feet_go_onto_what_one_lies_down_on():
+    joints, orientations = seated()
+    ankle = joints[0, FIGURE.skeleton.index("leftFoot")].numpy()
+    volume = box(ankle - np.array([0.2, 0.05, 0.5]), ankle + np.array([0.2, 0.3, 0.01]))
+    furniture = furniture_of([volume], free(), [True])
+    wanted, _, pushed = keep_clear(FIGURE, furniture, joints, orientations, torch.zeros(1))
+    torch.testing.assert_close(wanted, joints)
+    assert not pushed.any()
 
 
 def test_a_session_remembers_the_furniture_while_it_gets_up_and_in_storage():
