@@ -41,22 +41,35 @@ class Figure:
         """Length of the bone that ends in each joint [J] [m]."""
         return torch.linalg.vector_norm(self.offsets, dim=-1)
 
+    @cached_property
+    def _levers(self) -> Tensor:
+        """[3 J, J]: what each component of each joint's orientation adds to each joint's place [m]."""
+        carries = torch.nn.functional.one_hot(self.parents, self.joint_count).to(self.offsets)  # [J, J]
+        return torch.einsum("kp,kb,jk->pbj", carries, self.offsets, self.ancestry).flatten(0, 1)
+
+    @cached_property
+    def _spans(self) -> Tensor:
+        """[2, J]: times joint positions, from left to right across hips and shoulders."""
+        signs = torch.zeros(2, self.joint_count)
+        return signs.scatter(1, self.across, torch.tensor([[-1.0, 1.0]]).expand(2, -1))
+
     def positions(self, hips: Tensor, orientations: Tensor) -> Tensor:
         """Joint positions. Hips [..., 3] [m], world orientations [..., J, 3, 3] -> [..., J, 3] [m]."""
-        bones = torch.einsum("...jab,jb->...ja", orientations[..., self.parents, :, :], self.offsets)
-        return hips[..., None, :] + self.ancestry @ bones
+        turned = orientations.transpose(-3, -2).flatten(-2)  # [..., 3, 3 J]
+        # One product for every character by itself: a single large one has other last bits for other numbers of them.
+        arms = turned @ self._levers.expand(*turned.shape[:-2], -1, -1)
+        return (hips[..., None] + arms).transpose(-1, -2).contiguous()
 
     def facing(self, positions: Tensor) -> Tensor:
         """Unit direction on the floor (x, z) that the torso faces: up x (hips + shoulders across). [..., J, 3] ->
         [..., 2]."""
-        left, right = positions[..., self.across[:, 0], :], positions[..., self.across[:, 1], :]
-        span = (right - left)[..., [0, 2]]
-        span = unit(span).sum(-2)
+        floor = positions[..., ::2]  # x and z
+        span = unit(self._spans.expand(*floor.shape[:-2], -1, -1) @ floor).sum(-2)
         return unit(torch.stack([span[..., 1], -span[..., 0]], -1))
 
     def frame(self, positions: Tensor) -> "Frame":
         """The root frame: hips projected to the floor, with the torso's facing. [..., J, 3] -> Frame [...]."""
-        return Frame(positions[..., 0, [0, 2]], self.facing(positions))
+        return Frame(positions[..., 0, ::2], self.facing(positions))
 
     def world(self, local: Tensor) -> Tensor:
         """Local to world orientations. [..., J, 3, 3] -> [..., J, 3, 3]."""
@@ -76,8 +89,7 @@ class Frame:
     """An upright frame on the floor: origin (x, z) [m] and the unit direction (x, z) of its +Z axis.
 
     Batched over one leading axis; vectors are [B, *, 3] or floor vectors (x, z) [B, *, 2]. One small matrix product
-    each:
-    a frame of motion takes some fifteen of these, and a single character's time goes into calls, not into numbers.
+    each: a frame of motion takes some ten of these, and a single character's time goes into calls, not into numbers.
     """
 
     origin: Tensor  # [B, 2]
@@ -97,7 +109,7 @@ class Frame:
         return torch.stack([z, nil, x, nil, nil + 1, nil, -x, nil, z], -1).unflatten(-1, (3, 3))
 
     @cached_property
-    def _place(self) -> Tensor:
+    def place(self) -> Tensor:
         """[B, 1, 3]: the origin on the floor."""
         x, z = self.origin.unbind(-1)
         return torch.stack([x, torch.zeros_like(x), z], -1)[..., None, :]
@@ -112,12 +124,12 @@ class Frame:
 
     def points_in(self, points: Tensor) -> Tensor:
         """World points into this frame."""
-        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self._place
+        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self.place
         return self.turn_in(points - origin)
 
     def points_out(self, points: Tensor) -> Tensor:
         """Points of this frame into the world."""
-        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self._place
+        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self.place
         return self.turn_out(points) + origin
 
 

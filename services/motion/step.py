@@ -16,20 +16,17 @@ from torch import Tensor
 from motion.advance import advance
 from motion.blending import WHOLE, Blending
 from motion.controller import Body, Control, control, goals_of
-from motion.features import Inputs
 from motion.figure import Figure, humanoid_figure
 from motion.intent import Goal, Idle, Intent, Steer
 from motion.living import alive, stillness
 from motion.network import MotionNetwork, NetworkConfig, Normaliser
 from motion.planner import Plan
+from motion.prediction import Prediction
 from motion.seat import Seat
 from motion.state import ACTIONS, FUTURE, PAST, Characters
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
-# The network runs in chunks of this many rows, padded: matrix products of one shape give the same bits whatever the
-# other rows hold, so that a session's motion does not depend on its neighbours.
-_ROWS = 8
 _LONG = 3600.0  # [s] range in which the living idle begins
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
 
@@ -96,7 +93,7 @@ class Animator:
         blending: Blending = WHOLE,
     ) -> None:
         self.figure, self._blending = figure, blending
-        self._network, self._normaliser, self._starts = network.eval(), normaliser.eval(), starts
+        self._predict, self._starts = Prediction(network, normaliser), starts
 
     @staticmethod
     def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
@@ -158,15 +155,6 @@ class Animator:
             frame = FrameData(row["hips"], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
             out.append((CharacterState(row, controls[i]), frame))
         return out
-
-    def _predict(self, inputs: Inputs) -> Tensor:
-        norm = self._normaliser
-        parts = [norm.apply_to(name, getattr(inputs, name)) for name in ("frame", "goal", "gating")]
-        count = len(parts[0])
-        padding = -count % _ROWS
-        parts = [torch.cat([p, p.new_zeros(padding, p.shape[1])]) if padding else p for p in parts]
-        chunks = [self._network(*(p[i : i + _ROWS] for p in parts)) for i in range(0, count + padding, _ROWS)]
-        return norm.undo("output", torch.cat(chunks)[:count])
 
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
