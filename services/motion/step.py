@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from character.rotation import quat_from_matrix
 from safetensors import safe_open
 from torch import Tensor
 
@@ -23,7 +22,7 @@ from motion.network import MotionNetwork, NetworkConfig, Normaliser
 from motion.planner import Plan
 from motion.prediction import Prediction
 from motion.seat import Seat
-from motion.state import ACTIONS, FUTURE, PAST, Characters
+from motion.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
@@ -33,10 +32,17 @@ _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
 
 @dataclass(frozen=True, eq=False)
 class CharacterState:
-    """One character between two frames: plain arrays and numbers."""
+    """One character between two frames: plain numbers."""
 
-    body: dict[str, np.ndarray]  # the rows of `Characters`
+    row: np.ndarray  # [D] its row of `Characters`
     control: Control
+
+    @property
+    def body(self) -> dict[str, np.ndarray]:
+        """Its row of each field of `Characters`."""
+        shapes = shapes_of(len(self.row))
+        parts = np.split(self.row, np.cumsum([math.prod(shape) for shape in shapes.values()])[:-1])
+        return {name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
 
     def to_bytes(self) -> bytes:
         """Exact serialised form (NPZ without compression)."""
@@ -59,14 +65,14 @@ class CharacterState:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
             if "control" not in stored:
                 raise ValueError("not a character state")
-            body = {k.removeprefix("body."): stored[k] for k in stored.files if k.startswith("body.")}
+            row = np.concatenate([stored[f"body.{f.name}"].ravel() for f in fields(Characters)])
             mode, since, waiting, lying = map(int, stored["control"])
             seat = None
             if "seat.root" in stored:
                 positions, orientations, root, stand = (stored[f"seat.{name}"] for name in _SEAT_FIELDS)
                 seat = Seat(positions, orientations, root, stand, lying=bool(lying))
             plan, clock = Plan(*map(float, stored["plan"])), float(stored["clock"])
-        return CharacterState(body, Control(plan, mode, seat, since, waiting, clock))
+        return CharacterState(row, Control(plan, mode, seat, since, waiting, clock))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +127,7 @@ class Animator:
         x, z = float(position_xz[0]), float(position_xz[1])
         hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
         batch = _standing(self.figure, hips, orientations, float(rng.random()))
-        body = _rows(batch)[0]
-        return CharacterState(body, Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
+        return CharacterState(batch.rows()[0], Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
     @torch.inference_mode()
     def step(
@@ -131,7 +136,7 @@ class Animator:
         """The next frame of every character, in one batch."""
         if not states:
             return []
-        characters = Characters.stack([state.body for state in states])
+        characters = Characters.stack([state.row for state in states])
         bodies = _bodies(self.figure, characters)
         controls, commands = [], []
         for state, intent, body in zip(states, intents, bodies, strict=True):
@@ -144,15 +149,15 @@ class Animator:
         clock = torch.tensor([memory.clock for memory in controls])
         orientations = alive(self.figure, after.orientations, stillness(after), clock)
         positions = self.figure.positions(after.hips, orientations)
-        distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
-        rotations = quat_from_matrix(self.figure.local(orientations)).numpy()
-        rows, places, apart = _rows(after), positions.numpy(), distance.tolist()
+        distance = torch.linalg.vector_norm(positions - goals.pose_positions, dim=-1).mean(-1)
+        rotations = self.figure.rotations(orientations).numpy()
+        rows, places, apart = after.rows(), positions.numpy(), distance.tolist()
+        hips, contacts = after.hips.numpy(), (after.lock_weights >= 1).numpy()
         styles = after.past[:, -1, 4:8].argmax(-1).tolist()
-        contacts = (after.lock_weights >= 1).numpy()
         out = []
         for i, row in enumerate(rows):
             gap = apart[i] if commands[i].active else None
-            frame = FrameData(row["hips"], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
+            frame = FrameData(hips[i], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
             out.append((CharacterState(row, controls[i]), frame))
         return out
 
@@ -161,20 +166,12 @@ def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
 
 
-def _rows(characters: Characters) -> list[dict[str, np.ndarray]]:
-    arrays = {f.name: getattr(characters, f.name).numpy() for f in fields(Characters)}
-    return [{name: array[i].copy() for name, array in arrays.items()} for i in range(len(arrays["hips"]))]
-
-
 def _bodies(figure: Figure, characters: Characters) -> list[Body]:
-    feet = figure.positions(characters.hips, characters.orientations)[:, figure.contacts[[0, 2]]].mean(1)[:, [0, 2]]
-    roots = characters.past[:, -1, :4].tolist()
-    return [
-        Body(x, z, math.atan2(dx, dz), height, (foot_x, foot_z))
-        for (x, z, dx, dz), height, (foot_x, foot_z) in zip(
-            roots, characters.hips[:, 1].tolist(), feet.tolist(), strict=True
-        )
-    ]
+    """What the controller looks at."""
+    positions = figure.positions(characters.hips, characters.orientations)
+    feet = positions.index_select(1, figure.legs[:, 2])[..., ::2].mean(1)
+    rows = torch.cat([characters.past[:, -1, :4], characters.hips[:, 1:2], feet], 1).tolist()
+    return [Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in rows]
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:
