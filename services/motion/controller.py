@@ -113,7 +113,7 @@ def _stands(state: Control, body: Body) -> bool:
 def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
     """Keeps the seat of the goal in mind, and begins the interaction on arrival."""
     if not isinstance(intent, Goal):
-        return replace(state, seat=None, waiting=0)
+        return state if state.seat is None and not state.waiting else replace(state, seat=None, waiting=0)
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
         seat = seat_of(figure, intent, (body.x, body.z))

@@ -7,7 +7,7 @@ whatever the number of characters, and quicker than with an object for every ste
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice, pairwise
 
 import numpy as np
@@ -73,9 +73,11 @@ def advance_plan(plan: Plan, aim: Target | Steering, seconds: float) -> Plan:
 def plan_keys(plan: Plan, aim: Target | Steering) -> tuple[np.ndarray, np.ndarray]:
     """Planned places [13, 2] and directions [13, 2] at 0, 1/6, … 2 s."""
     later = islice(_simulated(plan, aim, _STEP), 1, 2 * (KEYS - 1), 2)
-    keys = np.array([(plan.x, plan.z, plan.yaw), *((x, z, yaw) for x, z, _, _, yaw, _ in later)])
-    yaws = keys[:, 2:]
-    return keys[:, :2].astype(np.float32), np.concatenate([np.sin(yaws), np.cos(yaws)], 1, dtype=np.float32)
+    keys = np.array([(plan.x, plan.z, plan.yaw), *((x, z, yaw) for x, z, _, _, yaw, _ in later)], np.float32)
+    directions = np.empty((KEYS, 2), np.float32)
+    np.sin(keys[:, 2], out=directions[:, 0])
+    np.cos(keys[:, 2], out=directions[:, 1])
+    return keys[:, :2], directions
 
 
 def _simulated(plan: Plan, aim: Target | Steering, seconds: float) -> Iterator[tuple[float, ...]]:
@@ -154,13 +156,11 @@ def _place_at(legs: Sequence[Leg], distance: float, end: Place) -> Place:
 
 def follow(plan: Plan, aim: Target | Steering, x: float, z: float, yaw: float, seconds: float) -> Plan:
     """The plan one frame on, kept near where the character really is."""
-    plan = advance_plan(plan, aim, seconds)
+    to_x, to_z, vx, vz, to_yaw, rate = next(_simulated(plan, aim, seconds))
     pull = 0.06
-    apart = math.hypot(x - plan.x, z - plan.z)
+    apart = math.hypot(x - to_x, z - to_z)
     if apart > 0.3:
         pull = max(pull, 1 - 0.3 / apart)
-    turned = wrap(yaw - plan.yaw)
+    turned = wrap(yaw - to_yaw)
     turn_pull = max(0.04, 1 - 0.7 / abs(turned)) if abs(turned) > 0.7 else 0.04
-    return replace(
-        plan, x=plan.x + pull * (x - plan.x), z=plan.z + pull * (z - plan.z), yaw=wrap(plan.yaw + turn_pull * turned)
-    )
+    return Plan(to_x + pull * (x - to_x), to_z + pull * (z - to_z), vx, vz, wrap(to_yaw + turn_pull * turned), rate)
