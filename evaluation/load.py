@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import grpc
+import httpx
 import numpy as np
 import psutil
 from roam.v1 import motion_pb2, motion_pb2_grpc
@@ -73,6 +74,15 @@ async def read(stub: Any, seconds: float, delay: float) -> Reader:
     return reader
 
 
+def _steps(server: ServerProcess) -> tuple[float, float]:
+    """Seconds spent in batched steps so far, and their number, as the server's metrics tell."""
+    lines = (line.split() for line in httpx.get(f"{server.http}/metrics").text.splitlines())
+    values = {
+        words[0]: float(words[1]) for words in lines if words and words[0].startswith("roam_motion_step_seconds_")
+    }
+    return values["roam_motion_step_seconds_sum"], values["roam_motion_step_seconds_count"]
+
+
 def _request(**message: object) -> motion_pb2.AnimateRequest:
     return motion_pb2.AnimateRequest(**message)  # type: ignore[arg-type]
 
@@ -81,10 +91,12 @@ async def load(server: ServerProcess, sessions: int, seconds: float) -> dict[str
     """The figures of so many sessions at once; times in milliseconds."""
     async with grpc.aio.insecure_channel(server.grpc) as channel:
         stub = motion_pb2_grpc.MotionServiceStub(channel)
+        stepped, steps = _steps(server)
         before, own, began = server.processor_seconds(), time.process_time(), time.perf_counter()
         readers = await asyncio.gather(*(read(stub, seconds, 0.5 * i / sessions) for i in range(sessions)))
         busy, own = server.processor_seconds() - before, time.process_time() - own
         elapsed = time.perf_counter() - began
+        stepped, steps = (after - first for after, first in zip(_steps(server), (stepped, steps), strict=True))
     errors = np.abs(np.concatenate([reader.interval_errors() for reader in readers])) * 1e3
     first = np.array([reader.first_frame for reader in readers]) * 1e3
     frames = sum(len(reader.times) for reader in readers)
@@ -93,6 +105,7 @@ async def load(server: ServerProcess, sessions: int, seconds: float) -> dict[str
     return {
         "sessions": sessions,
         "frames_per_session_second": moved / lasted,
+        "step": stepped / steps * 1e3,
         "interval_error_p50": float(np.percentile(errors, 50)),
         "interval_error_p95": float(np.percentile(errors, 95)),
         "interval_error_p99": float(np.percentile(errors, 99)),
@@ -102,6 +115,9 @@ async def load(server: ServerProcess, sessions: int, seconds: float) -> dict[str
         "skipped_frames": sum(reader.skipped for reader in readers),
         "server_processors": busy / elapsed,
         "server_ms_per_frame": busy / frames * 1e3,
+        "sessions_per_processor": frames / busy / _RATE,
+        "server_memory_mb": server.memory() / 1e6,
+        "load_average": psutil.getloadavg()[0],
         "client_processors": own / elapsed,
     }
 

@@ -3,6 +3,7 @@
 Distances are whole steps of 2.5 mm in one byte, clipped at 32 cm: farther away nothing touches.
 """
 
+import struct
 import zlib
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,6 +13,7 @@ import numpy.typing as npt
 
 STEP = 0.0025  # [m] of distance
 MOST_NODES = 200_000
+_HEAD = struct.Struct("<3f2d3I")  # origin, pitch, yaw, nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +38,17 @@ class Volume:
         return replace(self, origin=(self.origin + offset).astype(np.float32))
 
     @cached_property
-    def packed(self) -> npt.NDArray[np.uint8]:
-        """The values, compressed."""
-        return np.frombuffer(zlib.compress(self.values.tobytes(), 6), np.uint8)
-
-    @cached_property
-    def frame(self) -> npt.NDArray[np.float64]:
-        """Everything but the values: origin, pitch, yaw, node counts. [8]"""
-        return np.array([*self.origin, self.pitch, self.yaw, *self.values.shape], np.float64)
+    def packed(self) -> bytes:
+        """All of it, the values compressed."""
+        head = _HEAD.pack(*self.origin, self.pitch, self.yaw, *self.values.shape)
+        return head + zlib.compress(self.values.tobytes(), 6)
 
     @staticmethod
-    def unpacked(frame: npt.NDArray[np.float64], packed: npt.NDArray[np.uint8]) -> "Volume":
-        """From `frame` and `packed`. ValueError when they do not fit."""
-        size = tuple(int(n) for n in frame[5:])
-        values = np.frombuffer(zlib.decompress(packed.tobytes()), np.int8).reshape(size)
-        return Volume(frame[:3].astype(np.float32), float(frame[3]), float(frame[4]), values)
+    def unpacked(data: bytes) -> "Volume":
+        """What `packed` told, exactly. ValueError when it is something else."""
+        try:
+            x, y, z, pitch, yaw, *size = _HEAD.unpack_from(data)
+            values = np.frombuffer(zlib.decompress(data[_HEAD.size :]), np.int8).reshape(size)
+        except (struct.error, zlib.error) as error:
+            raise ValueError(f"not a packed volume: {error}") from error
+        return Volume(np.array([x, y, z], np.float32), pitch, yaw, values)

@@ -1,18 +1,28 @@
-"""What decides the last bits of a frame besides the session: the network, the library and the kind of processor."""
+"""What decides the last bits of a frame besides the session: the network, the code, the library and the kind of
+processor."""
 
 import hashlib
 import platform
+from collections.abc import Sequence
 from pathlib import Path
 
+import character
 import torch
 
 _CPUINFO = Path("/proc/cpuinfo")
+_CODE = Path(__file__).parent, Path(character.__file__).parent
 
 
-def build_name(weights: str) -> str:
-    """Equal where frames are equal bit for bit; `weights` names the network."""
-    parts = (weights, torch.__version__, platform.system(), platform.machine(), _processor())
+def build_name(weights: str, code: Sequence[Path] = _CODE) -> str:
+    """Equal where frames are equal bit for bit; `weights` names the network, `code` folders with the sources."""
+    parts = (weights, _sources(code), torch.__version__, platform.system(), platform.machine(), _processor())
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _sources(folders: Sequence[Path]) -> str:
+    """A step written in another way rounds otherwise, so replicas of two versions do not make the same frames."""
+    files = (file for folder in folders for file in sorted(folder.glob("*.py")))
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def _processor() -> str:

@@ -113,7 +113,7 @@ def _stands(state: Control, body: Body) -> bool:
 def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
     """Keeps the seat of the goal in mind, and begins the interaction on arrival."""
     if not isinstance(intent, Goal):
-        return replace(state, seat=None, waiting=0)
+        return state if state.seat is None and not state.waiting else replace(state, seat=None, waiting=0)
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
         seat = seat_of(figure, intent, (body.x, body.z))
@@ -147,17 +147,23 @@ def _hold(root: np.ndarray, action: int, seat: Seat | None) -> Command:
 
 def goals_of(figure: Figure, commands: list[Command]) -> Goals:
     """One batch of network goals."""
-    joints = figure.joint_count
-    rest = np.zeros((joints, 3), np.float32), np.broadcast_to(np.eye(3, dtype=np.float32), (joints, 3, 3))
-    action = np.zeros((len(commands), 4), np.float32)
-    action[np.arange(len(commands)), [c.action for c in commands]] = 1
-    seats = [c.seat for c in commands]
+    count, joints = len(commands), figure.joint_count
+    numbers = np.zeros((count, 6), np.float32)  # four actions, active, urgency
+    positions = np.zeros((count, joints, 3), np.float32)
+    orientations = np.zeros((count, joints, 3, 3), np.float32)
+    orientations[:] = np.eye(3)
+    for i, command in enumerate(commands):
+        numbers[i, command.action] = 1
+        numbers[i, 4:] = command.active, command.urgency
+        if command.seat is not None:
+            positions[i], orientations[i] = command.seat.positions, command.seat.orientations
+    of_each = torch.from_numpy(numbers)
     return Goals(
         positions=torch.from_numpy(np.stack([c.places for c in commands])),
         directions=torch.from_numpy(np.stack([c.directions for c in commands])),
-        action=torch.from_numpy(action),
-        active=torch.tensor([float(c.active) for c in commands]),
-        pose_positions=torch.from_numpy(np.stack([s.positions if s else rest[0] for s in seats])),
-        pose_orientations=torch.from_numpy(np.stack([s.orientations if s else rest[1] for s in seats])),
-        urgency=torch.tensor([c.urgency for c in commands], dtype=torch.float32),
+        action=of_each[:, :4],
+        active=of_each[:, 4],
+        pose_positions=torch.from_numpy(positions),
+        pose_orientations=torch.from_numpy(orientations),
+        urgency=of_each[:, 5],
     )

@@ -100,58 +100,50 @@ def goal_frame(figure: Figure, goals: Goals) -> Frame:
 def encode(figure: Figure, characters: Characters, goals: Goals, positions: Tensor, root: Frame) -> Inputs:
     """Inputs for B characters whose joints are at `positions` [B, J, 3] with root frame `root`."""
     keys = trajectory_keys(characters)
-    places, directions = root.points_in(keys[..., :2]), root.turn_in(keys[..., 2:4])
-    pose = torch.cat(
-        [
-            root.points_in(positions),
-            root.turn_in(characters.orientations[..., 2]),
-            root.turn_in(characters.orientations[..., 1]),
-            root.turn_in(characters.velocities),
-        ],
-        -1,
-    )
-    frame = torch.cat(
-        [pose.flatten(1), places.flatten(1), directions.flatten(1), keys[..., 4:8].flatten(1), characters.contacts], 1
-    )
-    return Inputs(frame, _encode_goal(characters, goals, root), _encode_gating(keys, goals, root))
+    pose = _joints_in(root, positions, characters.orientations, characters.velocities)
+    places, directions = _series_in(root, keys[..., :2], keys[..., 2:4])
+    series = [places, directions, keys[..., 4:8]]
+    frame = torch.cat([pose.flatten(1), *(part.flatten(1) for part in series), characters.contacts], 1)
+    places, directions = _series_in(root, goals.positions, goals.directions)
+    goal_pose = _joints_in(root, goals.pose_positions, goals.pose_orientations) * goals.active[:, None, None]
+    series = [goal_pose, places, directions]
+    goal = torch.cat([*(part.flatten(1) for part in series), goals.action, characters.settled[:, None]], 1)
+    return Inputs(frame, goal, _encode_gating(keys, goals.action, places, directions))
 
 
-def _encode_goal(characters: Characters, goals: Goals, root: Frame) -> Tensor:
-    pose = torch.cat(
-        [
-            root.points_in(goals.pose_positions),
-            root.turn_in(goals.pose_orientations[..., 2]),
-            root.turn_in(goals.pose_orientations[..., 1]),
-        ],
-        -1,
-    )
-    pose = pose * goals.active[:, None, None]
-    places, directions = root.points_in(goals.positions), root.turn_in(goals.directions)
-    series = torch.cat([places.flatten(1), directions.flatten(1), goals.action, characters.settled[:, None]], 1)
-    return torch.cat([pose.flatten(1), series], 1)
+def _joints_in(root: Frame, positions: Tensor, orientations: Tensor, *velocities: Tensor) -> Tensor:
+    """Places, forward axes, up axes (and velocities) of all joints in the root frame [B, J, 9 or 12]."""
+    vectors = [positions - root.place, orientations[..., 2], orientations[..., 1], *velocities]
+    return root.turn_in(torch.stack(vectors, 2).flatten(1, 2)).reshape(*positions.shape[:2], -1)
 
 
-def _encode_gating(keys: Tensor, goals: Goals, root: Frame) -> Tensor:
+def _series_in(root: Frame, places: Tensor, directions: Tensor) -> tuple[Tensor, Tensor]:
+    """Places and directions of a series of roots [B, 13, 2] in the root frame."""
+    turned = root.turn_in(torch.cat([places - root.origin[:, None], directions], 1))
+    return turned[:, :KEYS], turned[:, KEYS:]
+
+
+def _encode_gating(keys: Tensor, action: Tensor, places: Tensor, directions: Tensor) -> Tensor:
     phase = phase_vector(keys[..., 8])  # [B, 13, 2]
-    distance = (goals.positions - root.origin[:, None]).norm(dim=-1).clamp_max(3.0)
-    turned = root.turn_in(goals.directions)
-    angle = torch.atan2(turned[..., 0], turned[..., 1])
+    distance = torch.linalg.vector_norm(places, dim=-1).clamp_max(3.0)
+    angle = torch.atan2(directions[..., 0], directions[..., 1])
     # Labels become signs, so that every label is visible at every phase (METHOD-NOTES, gating).
     scales = torch.stack([torch.ones_like(distance), distance, angle], -1)  # [B, 13, 3]
     styles = (2 * keys[..., 4:8] - 1)[..., :, None] * phase[..., None, :]  # [B, 13, 4, 2]
-    actions = (2 * goals.action - 1)[:, None, :, None, None] * (scales[..., :, None] * phase[..., None, :])[:, :, None]
+    actions = (2 * action - 1)[:, None, :, None, None] * (scales[..., :, None] * phase[..., None, :])[:, :, None]
     return torch.cat([styles.flatten(1), actions.flatten(1)], 1)
 
 
 def decode(output: Tensor, characters: Characters, positions: Tensor, root: Frame) -> Answer:
     """Splits a raw output [B, O] and adds the current pose to the forward change."""
     joints = positions.shape[1]
-    blocks = dict(zip(widths(joints), output.split(list(widths(joints).values()), 1), strict=True))
+    columns = widths(joints)
+    blocks = dict(zip(columns, output.split(list(columns.values()), 1), strict=True))
     batch = output.shape[0]
-    axes = torch.cat([root.turn_in(characters.orientations[..., 2]), root.turn_in(characters.orientations[..., 1])], -1)
+    pose = _joints_in(root, positions, characters.orientations)
     return Answer(
-        positions=root.points_in(positions) + blocks["positions"].reshape(batch, joints, 3),
-        axes=axes + blocks["axes"].reshape(batch, joints, 6),
+        positions=pose[..., :3] + blocks["positions"].reshape(batch, joints, 3),
+        axes=pose[..., 3:] + blocks["axes"].reshape(batch, joints, 6),
         inverse_positions=blocks["inverse_positions"].reshape(batch, joints, 3),
         inverse_axes=blocks["inverse_axes"].reshape(batch, joints, 6),
         trajectory=blocks["trajectory"].reshape(batch, FUTURE + 1, 8),

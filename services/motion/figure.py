@@ -17,6 +17,17 @@ _LEGS = (
     ("leftUpperLeg", "leftLowerLeg", "leftFoot", "leftToes"),
     ("rightUpperLeg", "rightLowerLeg", "rightFoot", "rightToes"),
 )
+_ACROSS = ("leftUpperLeg", "rightUpperLeg"), ("leftUpperArm", "rightUpperArm")
+
+# Matrices that put the components of a vector, or their negatives, where they belong: one call instead of one for every
+# entry, exact because every entry is one component.
+_FLOOR = torch.tensor([[0.0, 1.0, -1.0, 0.0], [1.0, 0.0, 0.0, 1.0]])
+_SPACE = torch.tensor([[0.0, 0, 1, 0, 0, 0, -1, 0, 0], [1.0, 0, 0, 0, 0, 0, 0, 0, 1]])
+_UPRIGHT = torch.tensor([0.0, 0, 0, 0, 1, 0, 0, 0, 0])
+_LEVEL = torch.tensor([[1.0, 0, 0], [0, 0, 1]])
+_ASIDE = torch.tensor([[0.0, -1.0], [1.0, 0.0]])
+_SKEW = torch.tensor([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]])
+_IDENTITY = torch.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +37,10 @@ class Figure:
     skeleton: Skeleton
     offsets: Tensor  # [J, 3] rest offsets [m]; the root's is zero
     parents: Tensor  # [J] with the root its own parent
-    ancestry: Tensor  # [J, J] 1 where the column is the row's ancestor or the row itself
+    levers: Tensor  # [3 J, J] what each column of each joint's orientation adds to each joint's place [m]
     legs: Tensor  # [2, 4] joints of thigh, shin, foot, toes; left then right
     contacts: Tensor  # [4] joints of CONTACT_JOINTS
-    across: Tensor  # [2, 2] (left, right) joints of hips and shoulders, which tell where the figure faces
+    across: Tensor  # [2, J] times joint positions: from left to right at hips and shoulders, where the figure faces
 
     @property
     def joint_count(self) -> int:
@@ -43,20 +54,21 @@ class Figure:
 
     def positions(self, hips: Tensor, orientations: Tensor) -> Tensor:
         """Joint positions. Hips [..., 3] [m], world orientations [..., J, 3, 3] -> [..., J, 3] [m]."""
-        bones = torch.einsum("...jab,jb->...ja", orientations[..., self.parents, :, :], self.offsets)
-        return hips[..., None, :] + self.ancestry @ bones
+        turned = orientations.transpose(-3, -2).flatten(-2)  # [..., 3, 3 J]
+        # One product for every character by itself: a single large one has other last bits for other numbers of them.
+        arms = turned @ self.levers.expand(*turned.shape[:-2], -1, -1)
+        return (hips[..., None] + arms).transpose(-1, -2).contiguous()
 
     def facing(self, positions: Tensor) -> Tensor:
         """Unit direction on the floor (x, z) that the torso faces: up x (hips + shoulders across). [..., J, 3] ->
         [..., 2]."""
-        left, right = positions[..., self.across[:, 0], :], positions[..., self.across[:, 1], :]
-        span = (right - left)[..., [0, 2]]
-        span = unit(span).sum(-2)
-        return unit(torch.stack([span[..., 1], -span[..., 0]], -1))
+        floor = positions[..., ::2]  # x and z
+        span = unit(self.across.expand(*floor.shape[:-2], -1, -1) @ floor).sum(-2)
+        return unit(span @ _ASIDE)
 
     def frame(self, positions: Tensor) -> "Frame":
         """The root frame: hips projected to the floor, with the torso's facing. [..., J, 3] -> Frame [...]."""
-        return Frame(positions[..., 0, [0, 2]], self.facing(positions))
+        return Frame(positions[..., 0, ::2], self.facing(positions))
 
     def world(self, local: Tensor) -> Tensor:
         """Local to world orientations. [..., J, 3, 3] -> [..., J, 3, 3]."""
@@ -70,14 +82,17 @@ class Figure:
         local = world[..., self.parents, :, :].transpose(-1, -2) @ world
         return torch.cat([world[..., :1, :, :], local[..., 1:, :, :]], -3)
 
+    def rotations(self, world: Tensor) -> Tensor:
+        """World orientations to local unit quaternions xyzw. [B, J, 3, 3] -> [B, J, 4]."""
+        return quaternions(self.local(world))
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
     """An upright frame on the floor: origin (x, z) [m] and the unit direction (x, z) of its +Z axis.
 
     Batched over one leading axis; vectors are [B, *, 3] or floor vectors (x, z) [B, *, 2]. One small matrix product
-    each:
-    a frame of motion takes some fifteen of these, and a single character's time goes into calls, not into numbers.
+    each: a frame of motion takes some ten of these, and a single character's time goes into calls, not into numbers.
     """
 
     origin: Tensor  # [B, 2]
@@ -86,21 +101,17 @@ class Frame:
     @cached_property
     def _floor(self) -> Tensor:
         """[B, 2, 2]: row vectors (x, z) times this are in the frame."""
-        x, z = self.direction.unbind(-1)
-        return torch.stack([z, x, -x, z], -1).unflatten(-1, (2, 2))
+        return (self.direction @ _FLOOR).unflatten(-1, (2, 2))
 
     @cached_property
     def _space(self) -> Tensor:
         """[B, 3, 3]: row vectors times this are in the frame."""
-        x, z = self.direction.unbind(-1)
-        nil = torch.zeros_like(x)
-        return torch.stack([z, nil, x, nil, nil + 1, nil, -x, nil, z], -1).unflatten(-1, (3, 3))
+        return torch.addmm(_UPRIGHT, self.direction, _SPACE).unflatten(-1, (3, 3))
 
     @cached_property
-    def _place(self) -> Tensor:
+    def place(self) -> Tensor:
         """[B, 1, 3]: the origin on the floor."""
-        x, z = self.origin.unbind(-1)
-        return torch.stack([x, torch.zeros_like(x), z], -1)[..., None, :]
+        return (self.origin @ _LEVEL)[..., None, :]
 
     def turn_in(self, vectors: Tensor) -> Tensor:
         """World directions into this frame."""
@@ -112,12 +123,12 @@ class Frame:
 
     def points_in(self, points: Tensor) -> Tensor:
         """World points into this frame."""
-        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self._place
+        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self.place
         return self.turn_in(points - origin)
 
     def points_out(self, points: Tensor) -> Tensor:
         """Points of this frame into the world."""
-        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self._place
+        origin = self.origin[..., None, :] if points.shape[-1] == 2 else self.place
         return self.turn_out(points) + origin
 
 
@@ -134,19 +145,49 @@ def six(orientations: Tensor) -> Tensor:
 def orthonormal(axes: Tensor) -> Tensor:
     """The rotation matrix nearest in spirit to a forward and an up axis: forward kept, up made square. [..., 6] ->
     [..., 3, 3]."""
-    z = torch.nn.functional.normalize(axes[..., :3], dim=-1, eps=1e-6)
-    x = torch.nn.functional.normalize(torch.linalg.cross(axes[..., 3:], z, dim=-1), dim=-1, eps=1e-6)
+    z = unit(axes[..., :3])
+    x = unit(torch.linalg.cross(axes[..., 3:], z, dim=-1))
     return torch.stack([x, torch.linalg.cross(z, x, dim=-1), z], -1)
 
 
 def turn_between(u: Tensor, v: Tensor) -> Tensor:
     """The smallest rotation that turns direction `u` into `v` (not for opposite ones). [..., 3] -> [..., 3, 3]."""
-    u, v = torch.nn.functional.normalize(u, dim=-1), torch.nn.functional.normalize(v, dim=-1)
-    axis, cosine = torch.linalg.cross(u, v, dim=-1), (u * v).sum(-1)
-    x, y, z = axis.unbind(-1)
-    nil = torch.zeros_like(x)
-    skew = torch.stack([nil, -z, y, z, nil, -x, -y, x, nil], -1).unflatten(-1, (3, 3))
-    return torch.eye(3) + skew + skew @ skew / (1 + cosine).clamp_min(1e-3)[..., None, None]
+    u, v = unit(u), unit(v)
+    skew, cosine = _skew(torch.linalg.cross(u, v, dim=-1)), (u * v).sum(-1)
+    return _IDENTITY + skew + skew @ skew / (1 + cosine).clamp_min(1e-3)[..., None, None]
+
+
+def turn_about(vectors: Tensor) -> Tensor:
+    """The rotation about each vector by its length [rad]. [..., 3] -> [..., 3, 3]."""
+    angle = torch.linalg.vector_norm(vectors, dim=-1)[..., None, None] / torch.pi  # [half turns]
+    skew = _skew(vectors)
+    return _IDENTITY + skew * angle.sinc() + skew @ skew * (0.5 * (angle / 2).sinc().square())
+
+
+def quaternions(matrices: Tensor) -> Tensor:
+    """Unit quaternions xyzw of rotation matrices. [B, N, 3, 3] -> [B, N, 4].
+
+    `character.rotation.quat_from_matrix` in a sixth of the calls: one product gives all four of Shepperd's formulas.
+    """
+    formulas = matrices.flatten(-2) @ _formulas().expand(len(matrices), -1, -1)
+    formulas = formulas.unflatten(-1, (4, 4)) + torch.eye(4)
+    best = formulas.diagonal(dim1=-2, dim2=-1).argmax(-1)  # each is good where its own component is large
+    return unit(formulas.gather(-2, best[..., None, None].expand(*best.shape, 1, 4))[..., 0, :])
+
+
+@cache
+def _formulas() -> Tensor:
+    """[9, 16]: a matrix's entries times this, and ones on the diagonal, are its quaternion times 4 x, y, z and w."""
+    entry = torch.eye(9).view(9, 3, 3)
+    trace = entry.diagonal(dim1=-2, dim2=-1).sum(-1)[:, None]
+    sums = entry + entry.mT - trace[..., None] * torch.eye(3)
+    turn = (entry.mT - entry)[:, [1, 2, 0], [2, 0, 1]]  # of the axis: m21 - m12, m02 - m20, m10 - m01
+    return torch.cat([torch.cat([sums, turn[..., None]], 2), torch.cat([turn, trace], 1)[:, None]], 1).flatten(1)
+
+
+def _skew(vectors: Tensor) -> Tensor:
+    """The matrix that crosses with a vector. [..., 3] -> [..., 3, 3]."""
+    return (vectors @ _SKEW).unflatten(-1, (3, 3))
 
 
 def figure_of(skeleton: Skeleton) -> Figure:
@@ -158,16 +199,24 @@ def figure_of(skeleton: Skeleton) -> Figure:
             ancestry[joint] += ancestry[parent]
     offsets = torch.tensor(skeleton.rest_offsets, dtype=torch.float32)
     offsets[0] = 0
-    across = (("leftUpperLeg", "rightUpperLeg"), ("leftUpperArm", "rightUpperArm"))
+    parents = torch.tensor([max(p, 0) for p in skeleton.parents])
+    carried = torch.nn.functional.one_hot(parents, count).float()
     return Figure(
         skeleton=skeleton,
         offsets=offsets,
-        parents=torch.tensor([max(p, 0) for p in skeleton.parents]),
-        ancestry=ancestry,
+        parents=parents,
+        levers=torch.einsum("kp,kb,jk->pbj", carried, offsets, ancestry).flatten(0, 1),
         legs=torch.tensor([skeleton.indices(leg) for leg in _LEGS]),
         contacts=torch.tensor(skeleton.indices(CONTACT_JOINTS)),
-        across=torch.tensor([skeleton.indices(pair) for pair in across]),
+        across=_across(skeleton),
     )
+
+
+def _across(skeleton: Skeleton) -> Tensor:
+    pairs = torch.zeros(len(_ACROSS), skeleton.joint_count)
+    for row, (left, right) in zip(pairs, _ACROSS, strict=True):
+        row[skeleton.index(left)], row[skeleton.index(right)] = -1, 1
+    return pairs
 
 
 @cache

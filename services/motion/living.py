@@ -6,12 +6,12 @@ and it starts where the character's seed put it: the same seed breathes alike.
 """
 
 import math
+from functools import cache
 
 import torch
-from character.rotation import quat_from_rotvec, quat_to_matrix
 from torch import Tensor
 
-from motion.figure import Figure
+from motion.figure import Figure, turn_about
 from motion.state import Characters
 
 _BREATH = 3.9  # [s]
@@ -26,6 +26,8 @@ _TURNS = {
     "leftShoulder": ((0.0, 0.0, 1.2), (0.0, 0.0, 0.0)),
     "rightShoulder": ((0.0, 0.0, -1.2), (0.0, 0.0, 0.0)),
 }
+_OF_BREATH, _OF_SHIFTS = torch.deg2rad(torch.tensor(list(_TURNS.values()))).unbind(1)  # [K, 3] [rad]
+_RATES = 2 * math.pi / torch.tensor(_SHIFTS)  # [3, 3] [rad/s]
 
 
 def stillness(characters: Characters) -> Tensor:
@@ -33,15 +35,17 @@ def stillness(characters: Characters) -> Tensor:
     return torch.maximum(characters.settled, characters.past[:, -1, 4]).clamp(0.0, 1.0)
 
 
+@cache
+def _joints(figure: Figure) -> Tensor:
+    return torch.tensor(figure.skeleton.indices(list(_TURNS)))
+
+
 def alive(figure: Figure, orientations: Tensor, share: Tensor, clock: Tensor) -> Tensor:
     """World orientations [B, J, 3, 3] with a `share` [B] of the living idle at `clock` [B] [s]."""
-    joints = figure.skeleton.indices(list(_TURNS))
-    breath, shifts = torch.tensor(list(_TURNS.values())).unbind(1)  # [K, 3] degrees
-    angles = _breath(clock)[:, None, None] * breath + _shift(clock)[:, None] * shifts
-    turns = quat_to_matrix(quat_from_rotvec(torch.deg2rad(share[:, None, None] * angles)))
-    moved = orientations.clone()
-    moved[:, joints] = orientations[:, joints] @ turns
-    return moved
+    joints = _joints(figure)
+    angles = _breath(clock)[:, None, None] * _OF_BREATH + _shift(clock)[:, None] * _OF_SHIFTS
+    turns = turn_about(share[:, None, None] * angles)
+    return orientations.index_copy(1, joints, orientations[:, joints] @ turns)
 
 
 def _breath(clock: Tensor) -> Tensor:
@@ -52,5 +56,4 @@ def _breath(clock: Tensor) -> Tensor:
 
 def _shift(clock: Tensor) -> Tensor:
     """Slow wandering between -1 and 1 about three axes [B, 3]."""
-    waves = torch.sin(clock[:, None, None] * (2 * math.pi / torch.tensor(_SHIFTS)))
-    return waves.mean(-1)
+    return torch.sin(clock[:, None, None] * _RATES).mean(-1)

@@ -1,6 +1,9 @@
 """A character between two frames: small, serialisable, and stackable into one batch."""
 
-from dataclasses import dataclass, fields
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import torch
@@ -30,11 +33,36 @@ class Characters:
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
 
     @staticmethod
-    def stack(states: "list[dict[str, np.ndarray]]") -> "Characters":
-        """A batch from single characters' arrays."""
+    def stack(rows: Sequence[np.ndarray]) -> "Characters":
+        """A batch from single characters' numbers [D]."""
+        shapes = shapes_of(len(rows[0]))
+        parts = torch.from_numpy(np.stack(rows)).split([math.prod(shape) for shape in shapes.values()], 1)
         return Characters(
-            **{f.name: torch.from_numpy(np.stack([s[f.name] for s in states])) for f in fields(Characters)}
+            **{name: part.view(-1, *shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
         )
+
+    def rows(self) -> list[np.ndarray]:
+        """The numbers of every character [D], in the order of the fields; each an array of its own."""
+        parts = [part.reshape(len(self.hips), -1) for part in vars(self).values()]
+        return [row.copy() for row in torch.cat(parts, 1).numpy()]
+
+
+@cache
+def shapes_of(width: int) -> dict[str, tuple[int, ...]]:
+    """The shapes of a single character's fields that has so many numbers D = 358 + 12 J."""
+    joints = (width - 358) // 12
+    return {
+        "hips": (3,),
+        "orientations": (joints, 3, 3),
+        "velocities": (joints, 3),
+        "past": (PAST, 9),
+        "future": (FUTURE, 9),
+        "contacts": (4,),
+        "locks": (4, 3),
+        "lock_weights": (4,),
+        "settled": (),
+        "blend": (),
+    }
 
 
 def phase_vector(phase: Tensor) -> Tensor:

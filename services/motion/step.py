@@ -1,15 +1,14 @@
 """The application object of the motion domain: start characters, step many of them in one batch."""
 
-import io
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from character.rotation import quat_from_matrix
 from character.volume import Volume
 from safetensors import safe_open
 from torch import Tensor
@@ -18,64 +17,74 @@ from motion.advance import advance
 from motion.blending import WHOLE, Blending
 from motion.clearance import Furniture, furniture_of, near
 from motion.controller import Body, Control, control, goals_of
-from motion.features import Inputs
 from motion.figure import Figure, humanoid_figure
 from motion.intent import Goal, Idle, Intent, Steer
 from motion.living import alive, stillness
 from motion.network import MotionNetwork, NetworkConfig, Normaliser
 from motion.planner import Plan
+from motion.prediction import Prediction
 from motion.seat import Seat
-from motion.state import ACTIONS, FUTURE, PAST, Characters
+from motion.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
-# The network runs in chunks of this many rows, padded: matrix products of one shape give the same bits whatever the
-# other rows hold, so that a session's motion does not depend on its neighbours.
-_ROWS = 8
 _LONG = 3600.0  # [s] range in which the living idle begins
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_VOLUME_FIELDS = ("seat.volume.frame", "seat.volume.packed", "seat.depths")
+_MARK = b"ROAM\2"
+_HEAD = struct.Struct("<5s6i7d")  # mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock
+_STANDING, _LYING = -1, 1  # of the head's seat
 
 
 @dataclass(frozen=True, eq=False)
 class CharacterState:
-    """One character between two frames: plain arrays and numbers."""
+    """One character between two frames: plain numbers."""
 
-    body: dict[str, np.ndarray]  # the rows of `Characters`
+    row: np.ndarray  # [D] its row of `Characters`
     control: Control
 
     def to_bytes(self) -> bytes:
-        """Exact serialised form (NPZ without compression)."""
-        arrays = {f"body.{k}": v for k, v in self.body.items()}
-        memory = self.control
-        seat = memory.seat
+        """Exact serialised form: a head; the row, the seat and its depths as float32; the furniture's volume.
+
+        A server writes thousands a minute.
+        """
+        memory, seat = self.control, self.control.seat
+        parts, tail, kind = [self.row], b"", _STANDING
         if seat is not None:
-            arrays |= {f"seat.{name}": getattr(seat, name) for name in _SEAT_FIELDS}
+            parts += [getattr(seat, name) for name in _SEAT_FIELDS]
+            kind = _LYING if seat.lying else 0
             if seat.volume is not None and seat.depths is not None:
-                parts = (seat.volume.frame, seat.volume.packed, seat.depths)
-                arrays |= dict(zip(_VOLUME_FIELDS, parts, strict=True))
-        numbers = [memory.mode, memory.since, memory.waiting, int(seat is not None and seat.lying)]
-        arrays["control"] = np.array(numbers, np.int64)
-        arrays["plan"] = np.array(list(asdict(memory.plan).values()), np.float64)
-        arrays["clock"] = np.array(memory.clock, np.float64)
-        buffer = io.BytesIO()
-        np.savez(buffer, **arrays)  # type: ignore[arg-type]
-        return buffer.getvalue()
+                parts.append(seat.depths)
+                tail = seat.volume.packed
+        depths = len(parts[-1]) if tail else 0
+        integers = memory.mode, memory.since, memory.waiting, kind, len(self.row), depths
+        head = _HEAD.pack(_MARK, *integers, *vars(memory.plan).values(), memory.clock)
+        return head + b"".join(part.astype("<f4").tobytes() for part in parts) + tail
 
     @staticmethod
     def from_bytes(data: bytes) -> "CharacterState":
         """The state that `to_bytes` wrote. ValueError when the bytes are something else."""
-        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-            if "control" not in stored:
-                raise ValueError("not a character state")
-            body = {k.removeprefix("body."): stored[k] for k in stored.files if k.startswith("body.")}
-            mode, since, waiting, lying = map(int, stored["control"])
-            seat = None
-            if "seat.root" in stored:
-                positions, orientations, root, stand = (stored[f"seat.{name}"] for name in _SEAT_FIELDS)
-                seat = Seat(positions, orientations, root, stand, bool(lying), *_stored_volume(stored))
-            plan, clock = Plan(*map(float, stored["plan"])), float(stored["clock"])
-        return CharacterState(body, Control(plan, mode, seat, since, waiting, clock))
+        if len(data) < _HEAD.size or not data.startswith(_MARK):
+            raise ValueError("not a character state")
+        _, mode, since, waiting, kind, width, depths, *plan, clock = _HEAD.unpack_from(data)
+        joints = shapes_of(width)["velocities"][0]
+        count = width + (0 if kind == _STANDING else 12 * joints + 8 + depths)
+        if len(data) < _HEAD.size + 4 * count:
+            raise ValueError("a character state that was cut short")
+        numbers = np.frombuffer(data, "<f4", count, _HEAD.size).astype(np.float32)
+        tail, seat = data[_HEAD.size + 4 * count :], None
+        if bool(tail) != bool(depths):
+            raise ValueError("a character state of another length than it says")
+        if kind != _STANDING:
+            seat = _seat(numbers[width:], joints, kind == _LYING, Volume.unpacked(tail) if tail else None)
+        return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock))
+
+
+def _seat(numbers: np.ndarray, joints: int, lying: bool, volume: Volume | None) -> Seat:
+    """From its numbers [12 J + 8 + P] in the order of `_SEAT_FIELDS`, then the depths."""
+    ends = [3 * joints, 12 * joints, 12 * joints + 4, 12 * joints + 8]
+    positions, orientations, root, stand, depths = np.split(numbers, ends)
+    shaped = positions.reshape(-1, 3), orientations.reshape(-1, 3, 3)
+    return Seat(*shaped, root, stand, lying, volume, depths if volume is not None else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +111,7 @@ class Animator:
         blending: Blending = WHOLE,
     ) -> None:
         self.figure, self._blending = figure, blending
-        self._network, self._normaliser, self._starts = network.eval(), normaliser.eval(), starts
+        self._predict, self._starts = Prediction(network, normaliser), starts
 
     @staticmethod
     def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
@@ -130,8 +139,7 @@ class Animator:
         x, z = float(position_xz[0]), float(position_xz[1])
         hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
         batch = _standing(self.figure, hips, orientations, float(rng.random()))
-        body = _rows(batch)[0]
-        return CharacterState(body, Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
+        return CharacterState(batch.rows()[0], Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
     @torch.inference_mode()
     def step(
@@ -140,7 +148,7 @@ class Animator:
         """The next frame of every character, in one batch."""
         if not states:
             return []
-        characters = Characters.stack([state.body for state in states])
+        characters = Characters.stack([state.row for state in states])
         bodies = _bodies(self.figure, characters)
         controls, commands = [], []
         for state, intent, body in zip(states, intents, bodies, strict=True):
@@ -154,26 +162,17 @@ class Animator:
         clock = torch.tensor([memory.clock for memory in controls])
         orientations = alive(self.figure, after.orientations, stillness(after), clock)
         positions = self.figure.positions(after.hips, orientations)
-        distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
-        rotations = quat_from_matrix(self.figure.local(orientations)).numpy()
-        rows, places, apart = _rows(after), positions.numpy(), distance.tolist()
+        distance = torch.linalg.vector_norm(positions - goals.pose_positions, dim=-1).mean(-1)
+        rotations = self.figure.rotations(orientations).numpy()
+        rows, places, apart = after.rows(), positions.numpy(), distance.tolist()
+        hips, contacts = after.hips.numpy(), (after.lock_weights >= 1).numpy()
         styles = after.past[:, -1, 4:8].argmax(-1).tolist()
-        contacts = (after.lock_weights >= 1).numpy()
         out = []
         for i, row in enumerate(rows):
             gap = apart[i] if commands[i].active else None
-            frame = FrameData(row["hips"], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
+            frame = FrameData(hips[i], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
             out.append((CharacterState(row, controls[i]), frame))
         return out
-
-    def _predict(self, inputs: Inputs) -> Tensor:
-        norm = self._normaliser
-        parts = [norm.apply_to(name, getattr(inputs, name)) for name in ("frame", "goal", "gating")]
-        count = len(parts[0])
-        padding = -count % _ROWS
-        parts = [torch.cat([p, p.new_zeros(padding, p.shape[1])]) if padding else p for p in parts]
-        chunks = [self._network(*(p[i : i + _ROWS] for p in parts)) for i in range(0, count + padding, _ROWS)]
-        return norm.undo("output", torch.cat(chunks)[:count])
 
 
 def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
@@ -190,31 +189,16 @@ def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor
     return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
 
 
-def _stored_volume(stored: Mapping[str, np.ndarray]) -> tuple[Volume, np.ndarray] | tuple[None, None]:
-    if _VOLUME_FIELDS[0] not in stored:
-        return None, None
-    frame, packed, depths = (stored[name] for name in _VOLUME_FIELDS)
-    return Volume.unpacked(frame, packed), depths
-
-
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
 
 
-def _rows(characters: Characters) -> list[dict[str, np.ndarray]]:
-    arrays = {f.name: getattr(characters, f.name).numpy() for f in fields(Characters)}
-    return [{name: array[i].copy() for name, array in arrays.items()} for i in range(len(arrays["hips"]))]
-
-
 def _bodies(figure: Figure, characters: Characters) -> list[Body]:
-    feet = figure.positions(characters.hips, characters.orientations)[:, figure.contacts[[0, 2]]].mean(1)[:, [0, 2]]
-    roots = characters.past[:, -1, :4].tolist()
-    return [
-        Body(x, z, math.atan2(dx, dz), height, (foot_x, foot_z))
-        for (x, z, dx, dz), height, (foot_x, foot_z) in zip(
-            roots, characters.hips[:, 1].tolist(), feet.tolist(), strict=True
-        )
-    ]
+    """What the controller looks at."""
+    positions = figure.positions(characters.hips, characters.orientations)
+    feet = positions.index_select(1, figure.legs[:, 2])[..., ::2].mean(1)
+    rows = torch.cat([characters.past[:, -1, :4], characters.hips[:, 1:2], feet], 1).tolist()
+    return [Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in rows]
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:

@@ -1,6 +1,10 @@
-"""Broken files end in an ObjectError, never in another exception: mutations of valid files, format by format."""
+"""Broken files end in an ObjectError, never in another exception: mutations of valid files, format by format.
+
+ROAM_FUZZ_EXAMPLES=100000 asks that often for every format, at random; by default a few that are the same every time.
+"""
 
 import io
+import os
 import struct
 
 import numpy as np
@@ -12,6 +16,7 @@ from goalpose.objects.reading import read_geometry
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+MANY = int(os.environ.get("ROAM_FUZZ_EXAMPLES", "0"))
 LIMITS = Limits(bytes=2**20, vertices=50_000, faces=50_000)
 
 
@@ -96,10 +101,14 @@ def _read_or_refuse(data, format):
         assert geometry.faces.max() < len(geometry.vertices)
 
 
+def _sized(few):
+    return settings(max_examples=MANY or few, deadline=None, derandomize=not MANY, database=None)
+
+
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.filterwarnings("ignore")
 def test_mutated_files(format):
-    @settings(max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+    @settings(_sized(60), suppress_health_check=list(HealthCheck))
     @given(_mutations(format))
     def read(data):
         _read_or_refuse(data, format)
@@ -110,7 +119,7 @@ def test_mutated_files(format):
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.filterwarnings("ignore")
 def test_random_bytes_are_refused(format):
-    @settings(max_examples=30, deadline=None, derandomize=True, database=None)
+    @settings(_sized(30))
     @given(st.binary(max_size=400))
     def read(data):
         with pytest.raises(ObjectError):

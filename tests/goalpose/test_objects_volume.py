@@ -29,7 +29,9 @@ def test_nodes_tell_the_distance_to_the_object(name):
 def test_a_volume_survives_packing():
     shape = load_shape((EXAMPLES / "stool.glb").read_bytes(), "glb")
     volume = shape_volume(shape).moved(np.array([0.1, -0.2, 0.3]))
-    again = Volume.unpacked(volume.frame, volume.packed)
+    again = Volume.unpacked(volume.packed)
     np.testing.assert_array_equal(again.values, volume.values)
     np.testing.assert_array_equal(again.origin, volume.origin)
     assert (again.pitch, again.yaw) == (volume.pitch, volume.yaw)
+    with pytest.raises(ValueError, match="not a packed volume"):
+        Volume.unpacked(volume.packed[:50])

@@ -8,7 +8,7 @@ from standing import random_animator
 
 def standing():
     animator = random_animator()
-    characters = Characters.stack([animator.start((0, 0), 0.0, 0).body])
+    characters = Characters.stack([animator.start((0, 0), 0.0, 0).row])
     figure = animator.figure
     return figure, characters, figure.positions(characters.hips, characters.orientations)
 

@@ -1,8 +1,8 @@
 import numpy as np
 import torch
 from character.kinematics import facing, forward_kinematics
-from character.rotation import quat_from_rotvec, quat_to_matrix
-from motion.figure import Frame, humanoid_figure, orthonormal, six
+from character.rotation import quat_from_matrix, quat_from_rotvec, quat_to_matrix
+from motion.figure import Frame, humanoid_figure, orthonormal, quaternions, six, turn_about
 
 
 def random_pose(seed=0):
@@ -47,3 +47,12 @@ def test_axes_rebuild_the_rotation():
     sheared = six(rotation) + 0.1
     square = orthonormal(sheared)
     torch.testing.assert_close(square @ square.transpose(-1, -2), torch.eye(3).expand_as(square), atol=1e-5, rtol=0)
+
+
+def test_quick_rotations_agree_with_the_general_ones():
+    generator = torch.Generator().manual_seed(2)
+    vectors = torch.randn(50, 22, 3, generator=generator) * 2
+    vectors[0], vectors[1] = 0.0, vectors[1] * 1e-5
+    matrices = quat_to_matrix(quat_from_rotvec(vectors))
+    torch.testing.assert_close(turn_about(vectors), matrices, atol=2e-6, rtol=0)
+    torch.testing.assert_close(quaternions(matrices), quat_from_matrix(matrices), atol=2e-6, rtol=0)

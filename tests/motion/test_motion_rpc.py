@@ -111,6 +111,22 @@ async def test_watch_and_control_reach_a_goal(stub):
     assert np.frombuffer(last.joint_positions, "<f4").reshape(-1, 3)[0] == pytest.approx(root[:3], abs=1e-5)
 
 
+async def test_steering_moves_the_frame_that_the_answer_names_two_ticks_later_at_most(stub):
+    session = await create(stub)
+    watching = stub.WatchFrames(motion_pb2.WatchFramesRequest(open=motion_pb2.Open(session=session.name)))
+    _, frames, _ = await read_frames(watching, 5)
+    control = motion_pb2.ControlInput(control_id=1, steer=motion_pb2.Steer(velocity_z=1.5))
+    answer = await stub.Control(motion_pb2.ControlRequest(session=session.name, control=control))
+    head = (await stub.GetSession(motion_pb2.GetSessionRequest(name=session.name))).session.last_sequence
+    assert frames[-1].sequence < answer.effective_sequence <= head + 2
+    _, later, events = await read_frames(watching, 12)
+    applied = [event for event in events if event.type == motion_pb2.EVENT_TYPE_CONTROL_APPLIED]
+    assert [(event.control_id, event.sequence) for event in applied] == [(1, answer.effective_sequence)]
+    for frame in (*frames, *later):
+        steps = max(0, frame.sequence - answer.effective_sequence + 1)
+        assert np.frombuffer(frame.root, "<f4")[2] == pytest.approx(steps * 1.5 / 30, abs=1e-5)
+
+
 async def test_animate_takes_controls_and_credit_and_echoes_the_clock(stub):
     session = await create(stub)
     call = stub.Animate()

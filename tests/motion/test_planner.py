@@ -49,3 +49,14 @@ def test_the_plan_stays_near_the_character():
     for _ in range(90):
         plan = follow(plan, Steering(1.0, 0.0, None), 0.0, 0.0, 0.0, 1 / 30)
     assert math.hypot(plan.x, plan.z) < 0.4
+
+
+def test_keys_are_the_plan_that_is_followed():
+    way = ((0.5, 3.0), (0.5, 3.0), (1.2, 1.0), (0.0, 0.4))  # begins with a leg of no length
+    for aim in (Target(0.0, 0.4, 0.3, way), Steering(0.4, -0.6, None), Steering(0.0, 0.0, None)):
+        plan = Plan(0.5, 3.0, 0.1, -0.2, 3.0, 0.4)
+        places, directions = plan_keys(plan, aim)
+        for place, direction in zip(places, directions, strict=True):
+            np.testing.assert_allclose(place, (plan.x, plan.z), atol=1e-6)
+            np.testing.assert_allclose(direction, (math.sin(plan.yaw), math.cos(plan.yaw)), atol=1e-6)
+            plan = advance_plan(advance_plan(plan, aim, 1 / 12), aim, 1 / 12)

@@ -25,10 +25,10 @@ def played(animator, states, intents, frames=6):
 
 def test_a_batch_gives_the_same_bits_as_single_characters():
     animator = random_animator()
-    states = [animator.start((i, -i), 0.3 * i, i) for i in range(11)]
-    intents = [INTENTS[i % 4] for i in range(11)]
+    states = [animator.start((i, -i), 0.3 * i, i) for i in range(35)]
+    intents = [INTENTS[i % 4] for i in range(35)]
     together, shown = played(animator, states, intents)
-    for i in (0, 2, 10):
+    for i in (0, 2, 17, 34):  # of every chunk that the network is asked in, the padded last one too
         alone, single = played(animator, states[i : i + 1], intents[i : i + 1])
         assert alone[0].to_bytes() == together[i].to_bytes()
         np.testing.assert_array_equal(single[-1][0].rotations, shown[-1][i].rotations)
@@ -42,8 +42,9 @@ def test_states_survive_serialisation_exactly():
     a, _ = played(animator, states, [Idle()])
     b, _ = played(animator, [again], [Idle()])
     assert a[0].to_bytes() == b[0].to_bytes()
-    with pytest.raises(ValueError, match=r"pickled|character state"):
-        CharacterState.from_bytes(b"nonsense")
+    for data in (b"nonsense", b"", states[0].to_bytes()[:-4], states[0].to_bytes() + b"\0" * 8):
+        with pytest.raises(ValueError, match="character state"):
+            CharacterState.from_bytes(data)
 
 
 def test_the_same_seed_gives_the_same_motion_and_another_seed_another():
