@@ -107,17 +107,41 @@ TABLE = [
 ]
 
 
+RIM = trimesh.creation.annulus(
+    0.27, 0.30, 0.5, transform=trimesh.transformations.rotation_matrix(0.5 * np.pi, [1, 0, 0])
+).apply_translation([0.0, 0.25, 0.0])
+PERCH = trimesh.util.concatenate(
+    [
+        box(np.array([-0.18, 0.68, -0.18]), np.array([0.18, 0.72, 0.18])),
+        *(
+            box(np.array([x, 0.0, z]), np.array([x + 0.03, 0.7, z + 0.03]))
+            for x in (-0.18, 0.15)
+            for z in (-0.18, 0.15)
+        ),
+    ]
+)
+
+
 @pytest.mark.parametrize(
     "mesh",
     [
         pytest.param(trimesh.util.concatenate(TABLE), id="table"),
         pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, 2.0, 0.3])), id="wardrobe"),
         pytest.param(box(np.array([-0.05, 0.0, -0.05]), np.array([0.05, 1.6, 0.05])), id="post"),
+        pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, 0.14, 0.3])), id="doorstep"),
+        pytest.param(RIM, id="rim of a barrel"),
     ],
 )
 def test_nobody_sits_on_what_is_no_seat(synthesizer, mesh):
     result = synthesizer.synthesize(load_shape(mesh.export(file_type="glb"), "glb"), GoalPoseRequest())
     assert result.warnings[0].reason == "NO_PLAUSIBLE_POSE"
+
+
+def test_a_bar_stool_without_a_back_is_a_seat_from_which_feet_hang(synthesizer):
+    result = synthesizer.synthesize(load_shape(PERCH.export(file_type="glb"), "glb"), GoalPoseRequest())
+    assert [warning.reason for warning in result.warnings] == ["FEET_OFF_FLOOR"]
+    assert result.diagnostics["seat_height"] == pytest.approx(0.72, abs=0.02)
+    assert result.diagnostics["seat_area"] == pytest.approx(0.42**2, abs=0.06)  # the slack for slats on either side
 
 
 @pytest.mark.parametrize("name", ["chair_sit", "office_sit", "stool_sit", "bench_sit", "sofa_sit"])

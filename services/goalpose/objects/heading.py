@@ -3,7 +3,7 @@
 The walls of furniture follow the smallest rectangle around its footprint; which of the rectangle's four sides is the
 front, the heights say: backs are high. Everything is exact over the triangles, not sampled, so that a turned upload
 gives the turned frame. Where front and back are alike any side will do, but it must be the same one again: the side to
-which the outline is skewed, and where it is symmetric that of what comes later in the file, whose order no turn changes.
+which the outline is skewed, and where it is symmetric that of what comes later in the file: no turn changes its order.
 """
 
 from __future__ import annotations
