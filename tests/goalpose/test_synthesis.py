@@ -128,7 +128,10 @@ PERCH = trimesh.util.concatenate(
         pytest.param(trimesh.util.concatenate(TABLE), id="table"),
         pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, 2.0, 0.3])), id="wardrobe"),
         pytest.param(box(np.array([-0.05, 0.0, -0.05]), np.array([0.05, 1.6, 0.05])), id="post"),
-        pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, 0.14, 0.3])), id="doorstep"),
+        *(
+            pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, high, 0.3])), id=f"doorstep of {high} m")
+            for high in (0.12, 0.14, 0.18)
+        ),
         pytest.param(RIM, id="rim of a barrel"),
     ],
 )
