@@ -17,6 +17,7 @@ MET = 0.03  # [m] a contact closer than this is met
 DEEP = 0.05  # [m]
 OFF_FLOOR = 0.05  # [m]
 LOWEST_SEAT = 0.20  # [m] over the floor; lower ones are steps
+LYING = 0.25  # [m] that the neck is over the hips at most of whoever lies
 WIDEST_PERCH = 0.30  # [m^2] what is larger, as high that legs dangle and without a back is a table
 _CELL, _REACH, _SAG, _SLAT = 0.05, 0.50, 0.08, 0.03  # [m] of the grid that looks for the seat around the hips
 
@@ -38,8 +39,9 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     reference stands on it); `floor_reach`: how high the feet hang over the floor where the seat is higher than the
     reference's and nothing else changes; `seat_height` over the floor, and `seat_area` [m^2] that is
     level with it in a metre's square about the hips; `heading`; `contacts_met`: weighted share; `support_miss`,
-    `lean_miss`: median distance of the body from what holds it from below and from behind; `pose_change`: mean joint
-    distance from the reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
+    `lean_miss`: median distance of the body from what holds it from below and from behind; `trunk_rise`: height of the
+    neck over the hips; `pose_change`: mean joint distance from the reference's canonical pose; `limit_excess`: the
+    joint angle furthest outside its bounds.
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)
@@ -57,6 +59,8 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
             "pose_change": float((canonical_positions(figure)[0] - model.canonical[0]).norm(dim=-1).mean()),
             "limit_excess": _limit_excess(figure, model),
         }
+        joints = figure.positions[0, figure.skeleton.indices(["hips", "neck"]), 1]
+        values["trunk_rise"] = float(joints[1] - joints[0])
         values |= _seat(figure, target, float(figure.root_position[0, 1]) - hip_height)
         leaning = contacts.group[0] == LEAN
         if leaning.any():
@@ -112,7 +116,8 @@ def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
 def _implausible(values: dict[str, float]) -> bool:
     """Not held from below, hips off the surface, through the object, on a step, or on a table with dangling legs and no
     back behind."""
-    held = values["support_miss"] < 0.06 and values["contacts_met"] > 0.25 and values["hip_seat_distance"] < 0.12
+    least = 0.6 if values["trunk_rise"] < LYING else 0.25  # who lies needs all of the bed: a back rest's top is none
+    held = values["support_miss"] < 0.06 and values["contacts_met"] > least and values["hip_seat_distance"] < 0.12
     dangling = values.get("floor_distance", 0.0) > 0.2 and values.get("lean_miss", 1.0) > 0.06
     on_table = dangling and values["seat_area"] > WIDEST_PERCH
     on_step = "floor_distance" in values and values["seat_height"] < LOWEST_SEAT

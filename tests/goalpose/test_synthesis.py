@@ -3,6 +3,7 @@ import pytest
 import trimesh
 from box_furniture import box
 from character.rotation import quat_from_yaw, quat_rotate
+from goalpose.diagnostics import warn
 from goalpose.objects import load_shape
 from goalpose.paper_solver import PaperConfig
 from goalpose.progress import Cancelled
@@ -43,6 +44,14 @@ def test_the_same_request_gives_the_same_bytes_and_another_heading_another_name(
 def test_the_action_chooses_the_reference_by_fit(synthesizer):
     assert synthesizer.synthesize(pair("stool_sit").shape, GoalPoseRequest(action="sit")).reference == "stool_sit"
     assert synthesizer.synthesize(pair("chair_sit").shape, GoalPoseRequest(action="sit")).reference == "chair_sit"
+
+
+def test_lying_across_the_top_of_a_back_rest_is_reported(synthesizer):
+    values = synthesizer.synthesize(pair("sofa_lie").shape, GoalPoseRequest(action="lie")).diagnostics
+    assert warn(values) == ()
+    perched = warn(values | {"contacts_met": 0.5})  # a two-seater 1.5 m wide, without the legs' support
+    assert [warning.reason for warning in perched] == ["NO_PLAUSIBLE_POSE"]
+    assert warn(values | {"contacts_met": 0.5, "trunk_rise": 0.45}) == ()
 
 
 def test_lying_on_a_sofa_stays_on_the_sofa(synthesizer):
