@@ -49,6 +49,12 @@ def turned_case(case: Case, seed: int) -> Case:
     return replace(case, given=given, yaw=yaw, offset=(float(offset[0]), float(offset[1]), float(offset[2])))
 
 
+def faced_case(case: Case, heading: float) -> Case:
+    """The upload turned so that whoever begins at yaw 0 begins at `heading` [rad] to the object."""
+    vertices, faces = _mesh(case)
+    return replace(case, given=_uploaded_mesh(_turned(vertices, -heading), faces, up="y"), yaw=-heading)
+
+
 def tumbled_case(case: Case, seed: int) -> Case:
     """The upload as written by a program with Z up, moved and turned at random; up is for the service to find."""
     turned = turned_case(case, seed)

@@ -2,9 +2,9 @@
 
     roam evaluate goalpose robustness --objects DIR --json FILE [--plot FILE.png] [--limit 20] …
 
-Every object is sent as it is from twelve initial headings, then turned and moved, with another up axis, too large and
-too small, and as a scan: noisy, with one side missing, from few or many points. Poses are judged on the object as it
-really is.
+Every object is sent at twelve headings to a person who begins at yaw 0, then turned and moved, with another up axis,
+too large and too small, and as a scan: noisy, with one side missing, from few or many points. Poses are judged on the
+object as it really is.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from pathlib import Path
 from goalpose.objects import ObjectError
 from goalpose.synthesis import GoalPoseRequest, Synthesizer
 
-from evaluation.goalpose_cases import Case, cloud_case, plain_case, scaled_case, tumbled_case, turned_case
+from evaluation.goalpose_cases import Case, cloud_case, faced_case, plain_case, scaled_case, tumbled_case, turned_case
 from evaluation.goalpose_objects import EvaluationObject, add_object_options, chosen_objects
 from evaluation.goalpose_plots import plot_bars
 from evaluation.goalpose_runs import Run, run_case
@@ -62,8 +62,9 @@ def evaluate_object(synthesizer: Synthesizer, item: EvaluationObject, plan: None
     runs = [run_case(synthesizer, case, GoalPoseRequest(initial_yaw=0.0), variant="heading 0")]
     for k in range(1, HEADINGS):
         degrees = 360 * k // HEADINGS
-        request = GoalPoseRequest(initial_yaw=math.radians(degrees))
-        runs.append(run_case(synthesizer, case, request, variant=f"heading {degrees}", beside=runs[0]))
+        faced = faced_case(case, math.radians(degrees))
+        request = GoalPoseRequest(initial_yaw=0.0)
+        runs.append(run_case(synthesizer, faced, request, variant=f"heading {degrees}", beside=runs[0]))
     for variant, change in UPLOADS.items():
         run = _changed(synthesizer, case, variant, change, plain=runs[0])
         runs += [] if run is None else [run]

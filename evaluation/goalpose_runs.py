@@ -24,8 +24,9 @@ from evaluation.goalpose_objects import ONE_SEAT
 
 HIP, HEADING = 0.08, math.radians(20)  # issue 2
 STRICT_HIP, STRICT_HEADING, STRICT_DEPTH, STRICT_FLOOR = 0.05, math.radians(15), 0.03, 0.03  # issue 3
-# [m] From a higher seat the legs of a person of 1.69 m hang: thigh level, shank and foot 0.50 m, thigh radius 0.07 m.
-HIGHEST_GROUNDED_SEAT = 0.52
+# [m] With level thighs and flat soles the knees of a person of 1.69 m are at 0.50 m, the undersides of thighs 0.07 m
+# lower; pressed in as deep as allowed they lie on an edge of this height. From a higher one feet hang, by as much.
+HIGHEST_LEVEL_EDGE = 0.50 - 0.07 + STRICT_DEPTH
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Run:
     penetration: float  # [m] of the deepest capsule in the object as it is
     bone_depths: dict[str, float]  # [m] of the bones that are in it
     floor: float | None  # [m] of the worse sole; None: the reference does not stand on the floor
-    grounded: bool  # whether the seat is low enough for feet on the floor
+    hang: float  # [m] by which the feet must be off the floor because the seat's front edge is high
     seconds: float
     cpu_seconds: float
     turn_error: float | None  # [m] largest joint distance to the pose on the plain upload
@@ -62,11 +63,21 @@ class Run:
 
     @property
     def strict(self) -> bool:
-        """Issue 3: 5 cm, 15 degrees, no capsule deeper than 3 cm, feet within 3 cm of the floor if the seat is low."""
+        """Issue 3: 5 cm, 15 degrees, no capsule deeper than 3 cm, feet within 3 cm of the floor or where they hang."""
+        floor = self.floor is None or self.floor <= STRICT_FLOOR + self.hang
+        return self._close and floor
+
+    @property
+    def strict_flat(self) -> bool:
+        """The same with the feet within 3 cm of the floor itself on every seat, bar stools too."""
+        return self._close and (self.floor is None or self.floor <= STRICT_FLOOR)
+
+    @property
+    def _close(self) -> bool:
+        """Issue 3's limits but that of the feet."""
         hip = self.hip_distance is not None and self.hip_distance <= STRICT_HIP
         heading = self.heading_error is None or self.heading_error <= STRICT_HEADING
-        floor = self.floor is None or not self.grounded or self.floor <= STRICT_FLOOR
-        return hip and heading and floor and self.penetration <= STRICT_DEPTH
+        return hip and heading and self.penetration <= STRICT_DEPTH
 
     @property
     def pose(self) -> Pose:
@@ -76,7 +87,7 @@ class Run:
     def record(self) -> dict[str, Any]:
         """For JSON."""
         values: dict[str, Any] = _rounded(asdict(self))
-        return values | {"success": self.success, "strict": self.strict}
+        return values | {"success": self.success, "strict": self.strict, "strict_flat": self.strict_flat}
 
     def line(self) -> str:
         """For the terminal."""
@@ -142,7 +153,7 @@ def judge(
     depths = bone_depths(pose, case.truth)
     region, item = case.region, case.item
     has_front = region is not None and region.has_back and item.category not in ("stool", "barstool")
-    seat = item.seat_height if region is None else region.height - case.truth.floor_height
+    edge = item.seat_height or 0.0 if region is None else region.edge - case.truth.floor_height
     apart = None if beside is None else np.linalg.norm(pose.positions() - beside.pose.positions(), axis=-1).max()
     return Run(
         object=item.name,
@@ -157,7 +168,7 @@ def judge(
         penetration=max(depths.values(), default=0.0),
         bone_depths=depths,
         floor=result.diagnostics.get("floor_distance"),
-        grounded=seat is None or seat <= HIGHEST_GROUNDED_SEAT,
+        hang=max(0.0, edge - HIGHEST_LEVEL_EDGE),
         seconds=result.seconds,
         cpu_seconds=cpu_seconds,
         turn_error=None if apart is None else float(apart),

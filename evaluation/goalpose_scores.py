@@ -52,6 +52,7 @@ def figures(runs: list[Run]) -> dict[str, Any]:
         "success": _share(run.success for run in runs),
         "success_from_every_heading": round(len(steady) / len(objects), 4),
         "strict": _share(run.strict for run in runs),
+        "strict_with_feet_on_any_floor": _share(run.strict_flat for run in runs),
         "hip_distance_m": _spread(run.hip_distance for run in runs),
         "heading_error_deg": _spread(
             None if run.heading_error is None else np.degrees(run.heading_error) for run in runs
@@ -60,7 +61,10 @@ def figures(runs: list[Run]) -> dict[str, Any]:
         "penetration_m": _spread(run.penetration for run in runs),
         "penetration_curve": {str(t): share for t, share in zip(DEPTHS, curve, strict=True)},
         "penetration_auc": area(curve),
-        "floor_m": _spread(run.floor for run in runs if run.grounded),
+        "floor_m": _spread(run.floor for run in runs),
+        "floor_without_hanging_m": _spread(
+            None if run.floor is None else max(0.0, run.floor - run.hang) for run in runs
+        ),
         "turn_error_m": _spread(run.turn_error for run in runs),
         "turned_within_1cm": _share(run.turn_error <= 0.01 for run in runs if run.turn_error is not None),
         "warned": _share(bool(run.warnings) for run in runs),

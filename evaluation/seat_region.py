@@ -17,6 +17,7 @@ LEVEL = 0.07  # [m] how far from the seat's height the patch may lie: cushions, 
 HEADROOM = (0.10, 0.55)  # [m] free above the patch
 SITTING_HEIGHTS = (0.25, 0.80)  # [m] where a seat is looked for without a catalogue
 SAMPLES = 150_000
+FRONT = 0.12  # [m] of the seat's depth that thighs lie over last
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,12 @@ class SeatRegion:
     def height(self) -> float:
         """The usual height of the seat's surface, world [m]."""
         return float(np.median(self.points[:, 1]))
+
+    @property
+    def edge(self) -> float:
+        """How high the seat's front edge is, world [m]: over it thighs must go to the floor."""
+        front = self.points[:, 2] > self.points[:, 2].max() - FRONT
+        return float(np.percentile(self.points[front, 1], 90))
 
     def distance(self, hip: Array, hip_height: float) -> float:
         """From the hips joint to the nearest place where it would be if the person sat there [m]."""

@@ -16,6 +16,10 @@ from goalpose.reference_model import height_above_surface
 MET = 0.03  # [m] a contact closer than this is met
 DEEP = 0.05  # [m]
 OFF_FLOOR = 0.05  # [m]
+LOWEST_SEAT = 0.20  # [m] over the floor; lower ones are steps
+LYING = 0.25  # [m] that the neck is over the hips at most of whoever lies
+WIDEST_PERCH = 0.30  # [m^2] what is larger, as high that legs dangle and without a back is a table
+_CELL, _REACH, _SAG, _SLAT = 0.05, 0.50, 0.08, 0.03  # [m] of the grid that looks for the seat around the hips
 
 
 @dataclass(frozen=True)
@@ -33,9 +37,11 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
     `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
     reference stands on it); `floor_reach`: how high the feet hang over the floor where the seat is higher than the
-    reference's and nothing else changes; `heading`; `contacts_met`: weighted share; `support_miss`, `lean_miss`: median
-    distance of the body from what holds it from below and from behind; `pose_change`: mean joint distance from the
-    reference's canonical pose; `limit_excess`: the joint angle furthest outside its bounds.
+    reference's and nothing else changes; `seat_height` over the floor, and `seat_area` [m^2] that is
+    level with it in a metre's square about the hips; `heading`; `contacts_met`: weighted share; `support_miss`,
+    `lean_miss`: median distance of the body from what holds it from below and from behind; `trunk_rise`: height of the
+    neck over the hips; `pose_change`: mean joint distance from the reference's canonical pose; `limit_excess`: the
+    joint angle furthest outside its bounds.
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)
@@ -53,6 +59,9 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
             "pose_change": float((canonical_positions(figure)[0] - model.canonical[0]).norm(dim=-1).mean()),
             "limit_excess": _limit_excess(figure, model),
         }
+        joints = figure.positions[0, figure.skeleton.indices(["hips", "neck"]), 1]
+        values["trunk_rise"] = float(joints[1] - joints[0])
+        values |= _seat(figure, target, float(figure.root_position[0, 1]) - hip_height)
         leaning = contacts.group[0] == LEAN
         if leaning.any():
             values["lean_miss"] = float(misses[leaning].median())
@@ -60,6 +69,17 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
             values["floor_distance"] = float(misses[on_floor].max())
             values["floor_reach"] = _floor_reach(figure, model, target)
     return values
+
+
+def _seat(figure: Figure, target: Target, top: float) -> dict[str, float]:
+    """The surface that holds the first pose, whose `top` [m] lies below the hips: how high and how large."""
+    steps = torch.arange(-_REACH, _REACH + 0.5 * _CELL, _CELL)
+    drops = torch.arange(_SAG, -_SAG - 0.01, -0.02)
+    x, y, z = torch.meshgrid(steps, drops, steps, indexing="ij")
+    hips = figure.root_position[0]
+    column = torch.stack([hips[0] + x, top + y, hips[2] + z], dim=-1)
+    level = (target.distance.query(column) <= _SLAT).any(1)  # slats and strings with gaps between them too
+    return {"seat_height": top - target.floor_height, "seat_area": float(level.sum()) * _CELL**2}
 
 
 def _floor_reach(figure: Figure, model: ReferenceModel, target: Target) -> float:
@@ -94,10 +114,14 @@ def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
 
 
 def _implausible(values: dict[str, float]) -> bool:
-    """Not held from below, hips off the surface, through the object, or legs dangling high with no back behind."""
-    held = values["support_miss"] < 0.06 and values["contacts_met"] > 0.25 and values["hip_seat_distance"] < 0.12
+    """Not held from below, hips off the surface, through the object, on a step, or on a table with dangling legs and no
+    back behind."""
+    least = 0.6 if values["trunk_rise"] < LYING else 0.25  # who lies needs all of the bed: a back rest's top is none
+    held = values["support_miss"] < 0.06 and values["contacts_met"] > least and values["hip_seat_distance"] < 0.12
     dangling = values.get("floor_distance", 0.0) > 0.2 and values.get("lean_miss", 1.0) > 0.06
-    return not held or dangling or values["penetration_depth"] > 0.1
+    on_table = dangling and values["seat_area"] > WIDEST_PERCH
+    on_step = "floor_distance" in values and values["seat_height"] < LOWEST_SEAT
+    return not held or on_table or on_step or values["penetration_depth"] > 0.1
 
 
 def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:

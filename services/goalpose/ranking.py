@@ -7,7 +7,8 @@ from goalpose.candidates import Candidates, facing_yaw
 
 APART = 0.35  # [m] hips further from each other than this are on different places
 ASIDE = 0.8  # [rad] headings further from each other than this differ
-TAKEN = 0.25  # by how much worse than the best at its place a pose counts, for every better pose that sits there
+TAKEN = 0.25  # by how much worse a pose counts for every better one that sits where it sits ...
+ELBOWS = 0.45  # [m] ... and by how much less the further their hips are from each other, until it is nothing here
 WORST = 0.6  # poses whose energy is that much above the best are no choice
 
 
@@ -19,8 +20,9 @@ def choose_diverse(candidates: Candidates, count: int) -> Tensor:
     """
     root, yaw = candidates.figure.root_position, facing_yaw(candidates.figure)
     turn = yaw[:, None] - yaw[None]
-    here = torch.linalg.vector_norm(root[:, None] - root[None], dim=-1) < APART
-    alike = here & (torch.atan2(turn.sin(), turn.cos()).abs() < ASIDE)
+    between = torch.linalg.vector_norm(root[:, None] - root[None], dim=-1)
+    crowded = TAKEN * (1.5 * (1.0 - between / ELBOWS)).clamp(0.0, 1.0)  # fading: a limit would hang on a centimetre
+    alike = (between < APART) & (torch.atan2(turn.sin(), turn.cos()).abs() < ASIDE)
     same = alike & (candidates.reference[:, None] == candidates.reference[None])
     score = candidates.fit.clone()
     best = float(score.min())
@@ -28,6 +30,6 @@ def choose_diverse(candidates: Candidates, count: int) -> Tensor:
     while len(chosen) < count and float(score.min()) < float("inf"):
         index = int(score.argmin())
         chosen.append(index)
-        score = torch.where(same[index], torch.inf, score + TAKEN * here[index])
+        score = torch.where(same[index], torch.inf, score + crowded[index])
         score[candidates.fit > best + WORST] = torch.inf
     return torch.tensor(chosen)

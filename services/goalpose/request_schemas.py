@@ -98,7 +98,7 @@ class SynthesizeJson(BaseModel):
     points: list[Point] | None = Field(None, description="surface points [m], +Y up, instead of an object")
     reference_pose: str = Field("", description="referencePoses/{id}, or the id alone")
     action: Literal["sit", "lie"] | None = Field(None, description="let the server choose the reference pose")
-    initial_yaw: Number | None = Field(None, description="first initial heading [rad]")
+    initial_yaw: Number | None = Field(None, description="first initial heading of solver=paper [rad]")
     restarts: int = Field(0, ge=0, lt=1 << 31, description="initial headings tried; 0: server default")
     seed: int = Field(0, ge=0, lt=1 << 63, description="same request, same seed, same bytes")
     solver: str = Field("", description="default or paper")

@@ -28,6 +28,7 @@ class Round:
     samples: int
     joints: bool
     apart: float = 0.12  # [m] placements nearer than this to a better one, with about its heading, are the same
+    tolerance: float = 1e-4  # of energy: no candidate gains more in a step, and the stage ends
 
     def wanting(self, count: int) -> "Round":
         """The same with at least `count` candidates, whatever references they are made from."""
@@ -37,7 +38,8 @@ class Round:
 RIGID = Round(keep=14, each=2, iterations=3, samples=1, joints=False)
 JOINTS = Round(keep=8, each=1, iterations=4, samples=1, joints=True)
 FINISH = Round(keep=2, each=2, iterations=8, samples=3, joints=True)
-POLISH = Round(keep=1, each=1, iterations=12, samples=3, joints=True)
+# Until it rests: what is left of the way is what two uploads of one object, turned and rounded, can differ by.
+POLISH = Round(keep=1, each=1, iterations=16, samples=3, joints=True, tolerance=1e-5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,21 +87,21 @@ def solve(
     config: SolverConfig,
     *,
     places: Tensor,
-    initial_yaw: float,
+    first_yaw: float,
     watch: Watch,
     keep: int = 0,
 ) -> Candidates:
     """Poses on the target, best first: those that were optimised to the end.
 
-    `places` [K, 3] where hips may rest [m], `initial_yaw` the first heading of the search [rad], `keep` placements to
-    optimise (0: as the configuration says).
+    `places` [K, 3] where hips may rest [m], `first_yaw` the heading from which the search goes round [rad], `keep`
+    placements to optimise (0: as the configuration says).
     """
     found = coarse_search(
         model,
         target.rigid,
         Settings(config.weights, config.coarse_samples),
         places=places,
-        turns=headings(config.headings, initial_yaw),
+        turns=headings(config.headings, first_yaw),
         shortlist=max(6, config.shortlist // len(model)),
         apart=0.5 * config.rigid.apart,
         watch=watch,
@@ -116,6 +118,7 @@ def solve(
             Settings(config.weights, turn.samples),
             iterations=turn.iterations,
             joints=turn.joints,
+            tolerance=turn.tolerance,
             watch=_reporter(watch, stage, done, config),
         )
         depths = penetration_depths(found.figure, model.body, target.distance)

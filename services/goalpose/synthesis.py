@@ -70,7 +70,9 @@ class GoalPoseRequest:
 
     reference: str | None = None
     action: str = "sit"
-    initial_yaw: float | None = None  # [rad] first initial heading; None: the reference's own
+    # [rad] first initial heading of solver=paper; None: the reference's own. The default solver looks at every heading,
+    # counted from the object's own front, so that where a search begins cannot change its answer.
+    initial_yaw: float | None = None
     restarts: int = 0  # placements that are optimised (paper: initial headings); 0: the default
     seed: int = 0
     solver: str = "default"
@@ -131,15 +133,12 @@ class Synthesizer:
         watch = Watch(None if progress is None else lambda told: progress(told.placed(placement)), cancelled)
         watch.tell(lambda: Progress(0, 0, self.config.iterations, 0.0, None))
         target = self._target(own, constraints_in(request.constraints, placement))
-        first = None if request.initial_yaw is None else request.initial_yaw - placement.yaw
         if request.solver == "paper":
             # No rule for choosing among references was published: the first, as it stands in the world.
-            pairs, found = (
-                pairs[:1],
-                self._solve_paper(own, target, pairs[0], request, -placement.yaw if first is None else first, watch),
-            )
+            pairs, first = pairs[:1], (request.initial_yaw or 0.0) - placement.yaw
+            found = self._solve_paper(own, target, pairs[0], request, first, watch)
         else:
-            found = self._solve_default(own, target, pairs, request, first, watch)
+            found = self._solve_default(own, target, pairs, request, watch)
         poses = self._ranked(found, pairs, target, placement, request)
         best = poses[0]
         return GoalPoseResult(
@@ -204,7 +203,6 @@ class Synthesizer:
         target: Target,
         pairs: list[ReferencePair],
         request: GoalPoseRequest,
-        first: float | None,
         watch: Watch,
     ) -> Candidates:
         config = replace(self.config, weights=replace(self.config.weights, **dict(request.weights)))
@@ -219,7 +217,7 @@ class Synthesizer:
             target,
             config.wanting(request.count),
             places=places,
-            initial_yaw=_first_heading(first, wishes),
+            first_yaw=wishes.facing or 0.0,  # a wished heading is among those looked at; else the object's own front
             watch=watch,
             keep=request.restarts,
         )
@@ -264,9 +262,3 @@ class Synthesizer:
             sorted(self.references),
         ]
         return "goalPoses/sha256:" + hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
-
-
-def _first_heading(asked: float | None, wishes: Constraints) -> float:
-    """Where the search begins [rad]: as asked, else as wished, else towards the object's front."""
-    wanted = wishes.facing if asked is None else asked
-    return 0.0 if wanted is None else wanted

@@ -35,7 +35,7 @@ def run(**changes):
         "penetration": 0.02,
         "bone_depths": {"hips": 0.02},
         "floor": 0.01,
-        "grounded": True,
+        "hang": 0.0,
         "seconds": 1.0,
         "cpu_seconds": 1.0,
         "turn_error": None,

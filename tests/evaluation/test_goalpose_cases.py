@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from seating import CHAIR
+from seating import CHAIR, sitter
 
-from evaluation.goalpose_cases import cloud_case, plain_case, scaled_case, tumbled_case, turned_case
+from evaluation.goalpose_cases import cloud_case, faced_case, plain_case, scaled_case, tumbled_case, turned_case
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +18,14 @@ def test_turning_and_another_up_axis_keep_the_size(chair):
     assert np.ptp(turned.given.bounds[:, 1]) == pytest.approx(height, abs=1e-3)
     assert tumbled.given.bounds == pytest.approx(turned.given.bounds, abs=1e-3)  # up was found
     assert turned.truth is chair.truth
+
+
+def test_whoever_looks_along_z_begins_at_the_asked_heading(chair):
+    faced = faced_case(chair, 0.5 * np.pi)
+    back = faced.brought_back(sitter().pose)
+    assert back.yaw() == pytest.approx(sitter().pose.yaw() + 0.5 * np.pi, abs=1e-5)
+    front = faced.given.front / np.linalg.norm(faced.given.front)
+    assert front == pytest.approx([-1.0, 0.0, 0.0], abs=1e-3)
 
 
 def test_scaling_makes_another_object(chair):

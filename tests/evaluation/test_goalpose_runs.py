@@ -6,7 +6,7 @@ import pytest
 from goalpose.synthesis import GoalPoseResult
 from seating import CHAIR, run, sitter
 
-from evaluation.goalpose_cases import plain_case, turned_case
+from evaluation.goalpose_cases import plain_case, scaled_case, turned_case
 from evaluation.goalpose_runs import hip_height_of, judge, run_from
 
 
@@ -22,7 +22,8 @@ from evaluation.goalpose_runs import hip_height_of, judge, run_from
         ({"heading_error": None}, True, True),
         ({"penetration": 0.031}, True, False),
         ({"floor": 0.05}, True, False),
-        ({"floor": 0.05, "grounded": False}, True, True),
+        ({"floor": 0.05, "hang": 0.025}, True, True),
+        ({"floor": 0.05, "hang": 0.015}, True, False),
         ({"floor": None}, True, True),
     ],
 )
@@ -82,3 +83,12 @@ def test_brings_poses_on_a_turned_upload_back():
     here, there = judged(plain, sitter().pose), judged(turned, pose)
     assert there.root_position == pytest.approx(here.root_position, abs=1e-4)
     assert there.hip_distance == pytest.approx(here.hip_distance, abs=1e-4)
+
+
+def test_feet_on_a_low_seat_may_not_hang_and_on_a_high_one_by_as_much_as_it_is_too_high():
+    pose, low = sitter().pose, plain_case(CHAIR)
+    assert judged(low, pose).hang < 0.01
+    high = scaled_case(low, 1.4)
+    edge = high.region.edge - high.truth.floor_height
+    assert edge > 0.6
+    assert judged(high, pose).hang == pytest.approx(edge - 0.46, abs=1e-6)

@@ -33,6 +33,23 @@ def test_a_bench_has_axes_along_its_sides_but_no_front():
     assert found.clarity == 0.0
 
 
+SYMMETRIC = {
+    "square stool": box(np.array([-0.2, 0.0, -0.2]), np.array([0.2, 0.45, 0.2])),
+    "bench": box(np.array([-0.6, 0.0, -0.2]), np.array([0.6, 0.45, 0.2])),
+    "round stool": trimesh.creation.cylinder(
+        0.2, 0.45, 24, transform=trimesh.transformations.rotation_matrix(0.5 * np.pi, [1, 0, 0])
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SYMMETRIC)
+@pytest.mark.parametrize("yaw", [0.3, 1.7, 2.9, -2.2])
+def test_what_has_no_front_turns_with_its_upload_all_the_same(name, yaw):
+    still, turned = _heading(SYMMETRIC[name], 0.0), _heading(SYMMETRIC[name], yaw)
+    assert still.clarity == 0.0
+    assert math.remainder(turned.yaw - still.yaw - yaw, 2 * math.pi) == pytest.approx(0.0, abs=1e-5)
+
+
 def test_a_turned_upload_has_the_same_points_and_distances_in_its_own_axes():
     files = []
     for yaw, offset in ((0.0, 0.0), (0.7, 3.0)):

@@ -15,14 +15,14 @@ from goalpose.solver import SolverConfig, solve
 from solving import model, pair, target_of
 
 
-def solved(reference: str, furniture: str, *, initial_yaw: float = 0.0, watch: Watch | None = None):
+def solved(reference: str, furniture: str, *, first_yaw: float = 0.0, watch: Watch | None = None):
     places = find_places(pair(furniture).shape)
     return solve(
         model(reference, 3),
         target_of(furniture),
         SolverConfig(),
         places=places,
-        initial_yaw=initial_yaw,
+        first_yaw=first_yaw,
         watch=watch or Watch(),
     )
 
@@ -38,9 +38,9 @@ def test_places_lie_on_top_of_the_seat():
     assert (places[:, 1] - 0.45).abs().max() < 0.03
 
 
-@pytest.mark.parametrize("initial_yaw", [0.0, 2.0])
-def test_the_reference_is_found_again_on_its_own_object(initial_yaw):
-    found = solved("chair_sit", "chair_sit", initial_yaw=initial_yaw)
+@pytest.mark.parametrize("first_yaw", [0.0, 2.0])
+def test_the_reference_is_found_again_on_its_own_object(first_yaw):
+    found = solved("chair_sit", "chair_sit", first_yaw=first_yaw)
     off = (found.figure.positions[0] - model("chair_sit").figure.positions[0]).norm(dim=-1)
     assert float(off.max()) < 0.03
 

@@ -3,6 +3,7 @@ import pytest
 import trimesh
 from box_furniture import box
 from character.rotation import quat_from_yaw, quat_rotate
+from goalpose.diagnostics import warn
 from goalpose.objects import load_shape
 from goalpose.paper_solver import PaperConfig
 from goalpose.progress import Cancelled
@@ -37,11 +38,20 @@ def test_the_same_request_gives_the_same_bytes_and_another_heading_another_name(
     assert first.pose.root_position.tobytes() == second.pose.root_position.tobytes()
     other = synthesizer.synthesize(shape, GoalPoseRequest(reference="chair_sit", initial_yaw=1.0))
     assert other.name != first.name
+    assert other.pose.rotations.tobytes() == first.pose.rotations.tobytes()  # it looks at every heading anyhow
 
 
 def test_the_action_chooses_the_reference_by_fit(synthesizer):
     assert synthesizer.synthesize(pair("stool_sit").shape, GoalPoseRequest(action="sit")).reference == "stool_sit"
     assert synthesizer.synthesize(pair("chair_sit").shape, GoalPoseRequest(action="sit")).reference == "chair_sit"
+
+
+def test_lying_across_the_top_of_a_back_rest_is_reported(synthesizer):
+    values = synthesizer.synthesize(pair("sofa_lie").shape, GoalPoseRequest(action="lie")).diagnostics
+    assert warn(values) == ()
+    perched = warn(values | {"contacts_met": 0.5})  # a two-seater 1.5 m wide, without the legs' support
+    assert [warning.reason for warning in perched] == ["NO_PLAUSIBLE_POSE"]
+    assert warn(values | {"contacts_met": 0.5, "trunk_rise": 0.45}) == ()
 
 
 def test_lying_on_a_sofa_stays_on_the_sofa(synthesizer):
@@ -70,10 +80,11 @@ def turned_file(name: str, yaw: float, offset: np.ndarray) -> bytes:
     return trimesh.Trimesh(moved, faces, process=False).export(file_type="ply")
 
 
-@pytest.mark.parametrize("name", ["office_sit", "sofa_sit"])
-def test_turning_and_moving_the_upload_turns_and_moves_the_pose(synthesizer, name):
-    yaw, offset = 1.1, np.array([2.0, 0.3, -1.0])
-    request = GoalPoseRequest(reference="chair_sit")
+@pytest.mark.parametrize("name", ["office_sit", "sofa_sit", "stool_sit", "bench_sit"])
+@pytest.mark.parametrize("yaw", [1.1, -2.6])
+def test_turning_and_moving_the_upload_turns_and_moves_the_pose(synthesizer, name, yaw):
+    offset = np.array([2.0, 0.3, -1.0])
+    request = GoalPoseRequest(reference="chair_sit", initial_yaw=0.0)
     still = synthesizer.synthesize(pair(name).shape, request).pose
     turned = synthesizer.synthesize(load_shape(turned_file(name, yaw, offset), "ply", unit="m", up="y"), request).pose
     apart = turned.positions() - (still.turned(yaw).positions() + offset)
@@ -105,17 +116,44 @@ TABLE = [
 ]
 
 
+RIM = trimesh.creation.annulus(
+    0.27, 0.30, 0.5, transform=trimesh.transformations.rotation_matrix(0.5 * np.pi, [1, 0, 0])
+).apply_translation([0.0, 0.25, 0.0])
+PERCH = trimesh.util.concatenate(
+    [
+        box(np.array([-0.18, 0.68, -0.18]), np.array([0.18, 0.72, 0.18])),
+        *(
+            box(np.array([x, 0.0, z]), np.array([x + 0.03, 0.7, z + 0.03]))
+            for x in (-0.18, 0.15)
+            for z in (-0.18, 0.15)
+        ),
+    ]
+)
+
+
 @pytest.mark.parametrize(
     "mesh",
     [
         pytest.param(trimesh.util.concatenate(TABLE), id="table"),
         pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, 2.0, 0.3])), id="wardrobe"),
         pytest.param(box(np.array([-0.05, 0.0, -0.05]), np.array([0.05, 1.6, 0.05])), id="post"),
+        *(
+            pytest.param(box(np.array([-0.5, 0.0, -0.3]), np.array([0.5, high, 0.3])), id=f"doorstep of {high} m")
+            for high in (0.12, 0.14, 0.18)
+        ),
+        pytest.param(RIM, id="rim of a barrel"),
     ],
 )
 def test_nobody_sits_on_what_is_no_seat(synthesizer, mesh):
     result = synthesizer.synthesize(load_shape(mesh.export(file_type="glb"), "glb"), GoalPoseRequest())
     assert result.warnings[0].reason == "NO_PLAUSIBLE_POSE"
+
+
+def test_a_bar_stool_without_a_back_is_a_seat_from_which_feet_hang(synthesizer):
+    result = synthesizer.synthesize(load_shape(PERCH.export(file_type="glb"), "glb"), GoalPoseRequest())
+    assert [warning.reason for warning in result.warnings] == ["FEET_OFF_FLOOR"]
+    assert result.diagnostics["seat_height"] == pytest.approx(0.72, abs=0.02)
+    assert result.diagnostics["seat_area"] == pytest.approx(0.42**2, abs=0.06)  # the slack for slats on either side
 
 
 @pytest.mark.parametrize("name", ["chair_sit", "office_sit", "stool_sit", "bench_sit", "sofa_sit"])

@@ -2,8 +2,8 @@
 
 The walls of furniture follow the smallest rectangle around its footprint; which of the rectangle's four sides is the
 front, the heights say: backs are high. Everything is exact over the triangles, not sampled, so that a turned upload
-gives the turned frame. A round stool has no such axes: any frame is as good there as any other, and none comes back
-the same.
+gives the turned frame. Where front and back are alike any side will do, but it must be the same one again: the side to
+which the outline is skewed, and where it is symmetric that of what comes later in the file: no turn changes its order.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from goalpose.objects.geometry import Array, Indices
 _AS_SMALL = 1.01  # rectangles whose area is within this factor of the smallest are as good
 _LEVEL, _LEANING = 0.02, 0.05  # correlation of height and place: none at all; that of the flattest backs
 _SHORTEST_EDGE = 0.02  # of the longest
+_ORDER = 0.01  # what the order in the file counts beside the skew of the outline, which is about 0.1 without symmetry
 _MOST_CORNERS = 512  # of the footprint's hull: a turned round plate has thousands
 
 
@@ -32,10 +33,11 @@ class Heading:
 def find_heading(vertices: Array, faces: Indices | None) -> Heading:
     """The own axes of an object of `vertices` `[V, 3]` [m], +Y up, and `faces` `[F, 3]` (None for a point cloud)."""
     rectangles = _rectangles(vertices[:, ::2])
-    backwards = _leaning(*_mass(vertices, faces))
+    points, weights = _mass(vertices, faces)
+    backwards = _leaning(points, weights)
     clarity = float(np.clip((np.linalg.norm(backwards) - _LEVEL) / (_LEANING - _LEVEL), 0.0, 1.0))
     yaws = (rectangles[:, None] + 0.5 * np.pi * np.arange(4)).ravel()
-    best = _most_opposite(yaws, backwards) if clarity else 0
+    best = _most_opposite(yaws, backwards if clarity else -_odd_side(points, weights))
     return Heading(float(np.remainder(yaws[best], 2 * np.pi)), clarity)
 
 
@@ -82,3 +84,15 @@ def _leaning(points: Array, weights: Array) -> Array:
     spread = np.sqrt(share @ (centred * centred))
     lean: Array = (share * centred[:, 1]) @ centred[:, ::2]
     return lean / max(spread[1] * np.hypot(spread[0], spread[2]), 1e-12)
+
+
+def _odd_side(points: Array, weights: Array) -> Array:
+    """A horizontal direction `[2]` (x, z) that turns with the object: that of its skew and of its order in the file."""
+    share = weights / weights.sum()
+    flat = points[:, ::2] - share @ points[:, ::2]
+    spread = np.sqrt(share @ np.einsum("pi,pi->p", flat, flat))
+    flat = flat / max(spread, 1e-12)
+    skew = (share * np.einsum("pi,pi->p", flat, flat)) @ flat
+    order = (share * np.linspace(-1.0, 1.0, len(flat))) @ flat
+    side: Array = skew + _ORDER * order
+    return side

@@ -302,7 +302,9 @@ class SynthesizeRequest(_message.Message):
     action: _skeleton_pb2.Action.ValueType
     """SIT or LIE: the server chooses the reference pose; ignored when reference_pose is set."""
     initial_yaw: _builtins.float
-    """First initial heading about +Y [rad]; absent: the reference pose's own."""
+    """First initial heading about +Y [rad] of solver = paper; absent: the reference pose's own. The default solver looks
+    at every heading.
+    """
     solver: _builtins.str
     """"default", or "paper" for the published schedule; empty: default."""
     skeleton_id: _builtins.str
