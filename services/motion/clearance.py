@@ -1,4 +1,4 @@
-"""Arms, shins and feet stay out of the furniture (the paper's section E leaves contact with the object open).
+"""Trunk, arms, shins and feet stay out of the furniture (the paper's section E leaves contact with the object open).
 
 Every limb is a chain of points that its capsules' samples push out along the gradient of the object's signed distance,
 bone lengths kept. What a goal pose itself presses into the furniture is allowed, so nothing here pulls a held pose off
@@ -11,21 +11,23 @@ from functools import cache
 import numpy as np
 import torch
 from character.body import body_capsules
+from character.skeleton import Skeleton
 from character.volume import STEP, Volume
 from torch import Tensor
 from torch.linalg import vector_norm
 
 from motion.figure import Figure, turn_between, unit
 
-_SKIN = 0.008  # [m] kept between body and furniture: the grid rounds thin parts off
+_SKIN = 0.011  # [m] kept between body and furniture: the grid rounds thin parts off
 _ROUNDS = 3  # of pushing
-_FASTEST = 0.04  # [m] a foot is pushed per frame at most
+_FASTEST = 0.037, 0.04  # [m] a hand, a foot is pushed per frame at most
 _MOVED = 0.01  # [m] a foot pushed farther than this cannot stay where it is
 _REACH = 0.9  # [m] from the hips to the furniture's box within which limbs may touch it
 _LET_GO = 0.6, 1.0  # settledness from which the push fades, and at which it is gone
 _ARM_SHARES = 0.5, 1.0, 1.35, 1.7, 2.0  # samples along upper arm (to 1) and forearm (to 2)
 _SHIN_SHARES = 0.25, 0.5, 0.75, 1.0  # samples along the shin
 _ARMS = ("UpperArm", "LowerArm", "Hand")
+_TRUNK = ("chest", "upperChest", "neck")  # joints that a back rest may be in the way of
 _SIDES = ("left", "right")
 
 
@@ -33,6 +35,9 @@ _SIDES = ("left", "right")
 class Limbs:
     """Joints, radii and sample weights of what is kept clear."""
 
+    trunk: Tensor  # [T] joints of the trunk that are samples
+    upper: Tensor  # [U] all joints that the spine carries
+    trunk_radii: Tensor  # [T] [m]
     arms: Tensor  # [2, 3] upper arm, lower arm, hand
     hands: Tensor  # [2, 3] tip of each hand from its joint, in the hand's frame [m]
     arm_weights: Tensor  # [K, 3] share of shoulder, elbow, wrist in every sample of an arm
@@ -54,12 +59,24 @@ def limbs_of(figure: Figure) -> Limbs:
     arm_radii = [radius["leftUpperArm"] if s <= 1 else radius["leftLowerArm"] for s in _ARM_SHARES]
     tips = [capsules.ends[capsules.names.index(f"{side}Hand")] for side in _SIDES]
     return Limbs(
+        trunk=torch.tensor(figure.skeleton.indices(list(_TRUNK))),
+        upper=torch.tensor(_carried(figure.skeleton, "spine")),
+        trunk_radii=torch.tensor([radius["chest"], radius["upperChest"], radius["neck"]]),
         arms=torch.tensor([figure.skeleton.indices([side + bone for bone in _ARMS]) for side in _SIDES]),
         hands=torch.tensor(np.stack(tips), dtype=torch.float32),
         arm_weights=torch.tensor([*weights, [0.0, 0.0, 1.0]]),
         arm_radii=torch.tensor([*arm_radii, radius["leftHand"]]),
         shin_radii=torch.tensor([radius["leftLowerLeg"]] * len(_SHIN_SHARES) + [radius["leftFoot"]]),
     )
+
+
+def _carried(skeleton: Skeleton, name: str) -> list[int]:
+    """A joint and all below it; parents come first."""
+    found = [skeleton.index(name)]
+    for joint, parent in enumerate(skeleton.parents):
+        if parent in found:
+            found.append(joint)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +154,7 @@ def goal_depths(figure: Figure, positions: np.ndarray, orientations: np.ndarray,
     arms = _arm_samples(limbs, joints[:, limbs.arms], _tips(limbs, turns))
     toes = joints[:, figure.legs[:, 3]]
     shins = _shin_samples(joints[:, figure.legs[:, 1]], joints[:, figure.legs[:, 2]], toes)
-    gap, _ = furniture.distance(torch.cat([arms.flatten(1, 2), shins.flatten(1, 2)], 1))
+    gap, _ = furniture.distance(torch.cat([arms.flatten(1, 2), shins.flatten(1, 2), joints[:, limbs.trunk]], 1))
     return (_radii(limbs) + _SKIN - gap)[0].clamp_min(0.0).numpy()
 
 
@@ -149,8 +166,10 @@ def keep_clear(
     `settled` [B] ends the push. The third answer [B, 2] tells which feet had to move.
     """
     weight = 1 - ((settled - _LET_GO[0]) / (_LET_GO[1] - _LET_GO[0])).clamp(0.0, 1.0)
-    joints = figure.positions(wanted[:, 0], orientations)
     limbs = limbs_of(figure)
+    joints = figure.positions(wanted[:, 0], orientations)
+    orientations = _trunk_cleared(furniture, limbs, joints, orientations, weight)
+    joints = figure.positions(wanted[:, 0], orientations)
     orientations = _arms_cleared(furniture, limbs, joints, orientations, weight)
     shift = _feet_shift(figure, furniture, limbs, joints, wanted, weight * furniture.walked_round)
     cleared = wanted.clone()
@@ -159,8 +178,8 @@ def keep_clear(
 
 
 def _radii(limbs: Limbs) -> Tensor:
-    """Of all samples [P]: both arms, both shins."""
-    return torch.cat([limbs.arm_radii.repeat(2), limbs.shin_radii.repeat(2)])
+    """Of all samples [P]: both arms, both shins, the trunk."""
+    return torch.cat([limbs.arm_radii.repeat(2), limbs.shin_radii.repeat(2), limbs.trunk_radii])
 
 
 def _tips(limbs: Limbs, orientations: Tensor) -> Tensor:
@@ -187,6 +206,21 @@ def _pushes(furniture: Furniture, points: Tensor, radii: Tensor, allowed: Tensor
     return depth, depth[..., None] * unit(slope).unflatten(1, points.shape[1:3])
 
 
+def _trunk_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientations: Tensor, weight: Tensor) -> Tensor:
+    """Orientations with all that the spine carries turned about the hips, away from the object."""
+    allowed = furniture.allowed[:, -len(limbs.trunk) :]
+    gap, slope = furniture.distance(joints[:, limbs.trunk])
+    depth = (limbs.trunk_radii + _SKIN - gap - allowed).clamp_min(0.0)
+    levers = vector_norm(joints[:, limbs.trunk] - joints[:, :1], dim=-1)
+    push = (depth * depth * levers[:, 1:2] / levers)[..., None] * unit(slope)
+    push = push.sum(1) / depth.sum(1, keepdim=True).clamp_min(1e-6)
+    arm = joints[:, limbs.trunk[1]] - joints[:, 0]
+    turn = turn_between(arm, arm + weight[:, None] * push)
+    turned = orientations.clone()
+    turned[:, limbs.upper] = turn[:, None] @ orientations[:, limbs.upper]
+    return turned
+
+
 def _arms_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientations: Tensor, weight: Tensor) -> Tensor:
     """Orientations with the arms turned away from the object."""
     arms, tips = joints[:, limbs.arms], _tips(limbs, orientations)
@@ -200,6 +234,9 @@ def _arms_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientatio
         wrist = wrist + weight[:, None, None] * _shared(depth, push, limbs.arm_weights[:, 2])
         elbow = shoulder + lengths[0] * unit(elbow - shoulder)
         wrist = elbow + lengths[1] * unit(wrist - elbow)
+    far = vector_norm(wrist - arms[:, :, 2], dim=-1, keepdim=True)
+    share = (_FASTEST[0] / far.clamp_min(1e-6)).clamp_max(1.0)
+    elbow, wrist = torch.lerp(arms[:, :, 1], elbow, share), torch.lerp(arms[:, :, 2], wrist, share)
     upper = turn_between(arms[:, :, 1] - shoulder, elbow - shoulder)
     lower = turn_between(arms[:, :, 2] - arms[:, :, 1], wrist - elbow)
     turned = orientations.clone()
@@ -218,7 +255,7 @@ def _feet_shift(
 ) -> Tensor:
     """What feet move by [B, 2, 3] until the shins are clear [m]."""
     _, shin, foot, toes = figure.legs.T
-    allowed = furniture.allowed[:, 2 * limbs.arm_samples :].unflatten(1, (2, -1))
+    allowed = furniture.allowed[:, 2 * limbs.arm_samples : -len(limbs.trunk)].unflatten(1, (2, -1))
     shares = torch.tensor([*_SHIN_SHARES, 1.0])
     down = torch.tensor([-torch.inf, 0.0, -torch.inf])  # feet go over things, never into the floor
     shift = torch.zeros_like(wanted[:, foot])
@@ -226,4 +263,4 @@ def _feet_shift(
         points = _shin_samples(joints[:, shin], wanted[:, foot] + shift, wanted[:, toes] + shift)
         depth, push = _pushes(furniture, points, limbs.shin_radii, allowed)
         shift = (shift + weight[:, None, None] * _shared(depth, push, shares)).maximum(down)
-    return shift * (_FASTEST / vector_norm(shift, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
+    return shift * (_FASTEST[1] / vector_norm(shift, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)

@@ -20,6 +20,7 @@ _ON, _OFF = 0.55, 0.35  # contact probability that starts and ends a lock
 _RELEASE, _STEP = 0.25, 0.09  # weight lost per frame: leaving the floor when walking, adjusting step when seated
 _OVERREACH = 0.01  # [m] a lock this far beyond the straight leg is let go
 _STRAY = 0.15  # [m] a foot that the network wants this far away is let go
+_RESTING = 0.6  # blending weight from which the seat carries the body, and both feet may step at once
 _MISPLACED = 0.012  # [m] a seated foot farther than this from its goal place takes a step
 _LIFT = 0.03  # [m] height of that step
 _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
@@ -104,7 +105,13 @@ def _locks(
     away = (weights > 0) & (weights < 1)
     other = away[:, [2, 3, 0, 1]].reshape(-1, 2, 2).any(-1).repeat_interleave(2, -1)
     first = misplaced[:, :2].any(-1, keepdim=True) & torch.tensor([False, False, True, True])
-    stay = held & within & (contacts > _OFF) & (apart < _STRAY) & ~(misplaced & ~other & ~first)
+    stay = (
+        held
+        & within
+        & (contacts > _OFF)
+        & (apart < _STRAY)
+        & ~(misplaced & (~other & ~first | (seated[:, None] > _RESTING)))
+    )
     start = (weights <= 0) & (contacts > _ON) & (track[..., 1] < torch.tensor([*_LOW, *_LOW]))
     rate = torch.where(seated[:, None] > 0.5, _STEP, _RELEASE)
     weights = torch.where(stay | start, torch.ones_like(weights), (weights - rate).clamp_min(0.0))
