@@ -20,7 +20,7 @@ from motion.figure import Figure, turn_between, unit
 
 _SKIN = 0.011  # [m] kept between body and furniture: the grid rounds thin parts off
 _ROUNDS = 3  # of pushing
-_FASTEST = 0.037, 0.04  # [m] a hand, a foot is pushed per frame at most
+_FASTEST = 0.037, 0.04  # [m] a hand, a foot or the trunk is pushed per frame at most
 _MOVED = 0.01  # [m] a foot pushed farther than this cannot stay where it is
 _REACH = 0.9  # [m] from the hips to the furniture's box within which limbs may touch it
 _LET_GO = 0.6, 1.0  # settledness from which the push fades, and at which it is gone
@@ -90,7 +90,7 @@ class Furniture:
     pitch: Tensor  # [B] [m]
     axes: Tensor  # [B, 3, 3] row vectors of the grid times this are in the world
     allowed: Tensor  # [B, P] depth of every sample that the goal pose itself has [m]
-    walked_round: Tensor  # [B] 1, or 0 where one lies down: feet go onto such furniture
+    walked_round: Tensor  # [B] 1, or 0 where one lies down: feet and back go onto such furniture
 
     def distance(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance [B, P] [m] and its gradient [B, P, 3] at `points` [B, P, 3], interpolated between nodes."""
@@ -168,7 +168,7 @@ def keep_clear(
     weight = 1 - ((settled - _LET_GO[0]) / (_LET_GO[1] - _LET_GO[0])).clamp(0.0, 1.0)
     limbs = limbs_of(figure)
     joints = figure.positions(wanted[:, 0], orientations)
-    orientations = _trunk_cleared(furniture, limbs, joints, orientations, weight)
+    orientations = _trunk_cleared(furniture, limbs, joints, orientations, weight * furniture.walked_round)
     joints = figure.positions(wanted[:, 0], orientations)
     orientations = _arms_cleared(furniture, limbs, joints, orientations, weight)
     shift = _feet_shift(figure, furniture, limbs, joints, wanted, weight * furniture.walked_round)
@@ -214,6 +214,7 @@ def _trunk_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientati
     levers = vector_norm(joints[:, limbs.trunk] - joints[:, :1], dim=-1)
     push = (depth * depth * levers[:, 1:2] / levers)[..., None] * unit(slope)
     push = push.sum(1) / depth.sum(1, keepdim=True).clamp_min(1e-6)
+    push = push * (_FASTEST[1] / vector_norm(push, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
     arm = joints[:, limbs.trunk[1]] - joints[:, 0]
     turn = turn_between(arm, arm + weight[:, None] * push)
     turned = orientations.clone()
