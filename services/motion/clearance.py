@@ -115,6 +115,11 @@ class Furniture:
         slope = torch.where(outside[..., None] > 1e-6, beyond / outside.clamp_min(1e-6)[..., None], slope)
         return torch.lerp(near, far, u) + outside, slope @ self.axes
 
+    def of(self, rows: Tensor) -> "Furniture":
+        """That of some of the characters."""
+        parts = (self.start, self.size, self.origin, self.pitch, self.axes, self.allowed, self.walked_round)
+        return Furniture(self.values, *(part[rows] for part in parts))
+
 
 def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], lying: list[bool]) -> Furniture:
     """The volumes of B characters, who lie down on them or not; the same volume is kept once."""
@@ -148,14 +153,19 @@ def near(volume: Volume, x: float, z: float) -> bool:
 
 def goal_depths(figure: Figure, positions: np.ndarray, orientations: np.ndarray, volume: Volume) -> np.ndarray:
     """How deep every sample of a goal pose (joints [J, 3], orientations [J, 3, 3]) lies in its furniture [P] [m]."""
-    limbs = limbs_of(figure)
     furniture = furniture_of([volume], [np.zeros(0, np.float32)], [False])
     joints, turns = torch.from_numpy(positions)[None], torch.from_numpy(orientations)[None]
-    arms = _arm_samples(limbs, joints[:, limbs.arms], _tips(limbs, turns))
-    toes = joints[:, figure.legs[:, 3]]
-    shins = _shin_samples(joints[:, figure.legs[:, 1]], joints[:, figure.legs[:, 2]], toes)
+    return _depths(figure, furniture, joints, joints, turns)[0].clamp_min(0.0).numpy()
+
+
+def _depths(figure: Figure, furniture: Furniture, joints: Tensor, wanted: Tensor, orientations: Tensor) -> Tensor:
+    """Depth of every sample [B, P] [m], negative outside; ankles and toes are taken from `wanted` [B, J, 3]."""
+    limbs = limbs_of(figure)
+    _, shin, foot, toes = figure.legs.T
+    arms = _arm_samples(limbs, joints[:, limbs.arms], _tips(limbs, orientations))
+    shins = _shin_samples(joints[:, shin], wanted[:, foot], wanted[:, toes])
     gap, _ = furniture.distance(torch.cat([arms.flatten(1, 2), shins.flatten(1, 2), joints[:, limbs.trunk]], 1))
-    return (_radii(limbs) + _SKIN - gap)[0].clamp_min(0.0).numpy()
+    return _radii(limbs) + _SKIN - gap
 
 
 def keep_clear(
@@ -166,6 +176,21 @@ def keep_clear(
     `settled` [B] ends the push. The third answer [B, 2] tells which feet had to move.
     """
     weight = 1 - ((settled - _LET_GO[0]) / (_LET_GO[1] - _LET_GO[0])).clamp(0.0, 1.0)
+    joints = figure.positions(wanted[:, 0], orientations)
+    # Most bodies touch nothing most of the time: they stay as they are, to the bit.
+    touching = (_depths(figure, furniture, joints, wanted, orientations) > furniture.allowed).any(1) & (weight > 0)
+    wanted, orientations, pushed = wanted.clone(), orientations.clone(), torch.zeros(len(wanted), 2, dtype=torch.bool)
+    rows = touching.nonzero()[:, 0]
+    if len(rows):
+        moved = _pushed_out(figure, furniture.of(rows), wanted[rows], orientations[rows], weight[rows])
+        wanted[rows], orientations[rows], pushed[rows] = moved
+    return wanted, orientations, pushed
+
+
+def _pushed_out(
+    figure: Figure, furniture: Furniture, wanted: Tensor, orientations: Tensor, weight: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """`keep_clear` for those that touch something, by a `weight` [B]."""
     limbs = limbs_of(figure)
     joints = figure.positions(wanted[:, 0], orientations)
     orientations = _trunk_cleared(furniture, limbs, joints, orientations, weight * furniture.walked_round)
