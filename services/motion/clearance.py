@@ -103,12 +103,12 @@ class Furniture:
         rows, layers = self.size[:, 2:], self.size[:, 1:2] * self.size[:, 2:]
         x, y, z = cell.long().unbind(-1)
         first = self.start[:, None] + x * layers + y * rows + z
-        a, b, c, d = (torch.lerp(self.values[i], self.values[i + 1], w) for i in (first, first + rows,
-                      first + layers, first + layers + rows))  # fmt: skip
-        along_w = [self.values[i + 1] - self.values[i] for i in (first, first + rows, first + layers,
-                   first + layers + rows)]  # fmt: skip
+        corners = [first, first + rows, first + layers, first + layers + rows]
+        ends = [(self.values[i], self.values[i + 1]) for i in corners]
+        a, b, c, d = (torch.lerp(start, end, w) for start, end in ends)
+        p, q, r, s = (end - start for start, end in ends)  # along w
         near, far = torch.lerp(a, b, v), torch.lerp(c, d, v)
-        low, high = torch.lerp(along_w[0], along_w[1], v), torch.lerp(along_w[2], along_w[3], v)
+        low, high = torch.lerp(p, q, v), torch.lerp(r, s, v)
         slope = torch.stack([far - near, torch.lerp(b - a, d - c, u), torch.lerp(low, high, u)], -1) / pitch
         beyond = (local - inside) * pitch
         outside = vector_norm(beyond, dim=-1)

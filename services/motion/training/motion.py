@@ -7,6 +7,7 @@ latest.pt and best.pt to its folder, stops cleanly on SIGINT or SIGTERM, and goe
 """
 
 import argparse
+import hashlib
 import json
 import os
 from collections.abc import Sequence
@@ -80,7 +81,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             learner.begin_from(options.init)
         for stale in ("curve.jsonl", "validation.jsonl", "best.json"):
             (run / stale).unlink(missing_ok=True)
-    (run / "config.json").write_text(config_json(config, {"library": asdict(library), "data": summary}))
+    (run / "config.json").write_text(
+        config_json(config, {"init": _hash(options.init), "library": asdict(library), "data": summary})
+    )
 
     def validate(state: Learner) -> dict[str, float]:
         predict = state.predict(averaged=True)
@@ -92,6 +95,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.export:
         export(run / "best.pt", options.export, figure, dataset)
     return 0
+
+
+def _hash(weights: Path | None) -> str | None:
+    """What a run began with, for its record."""
+    return hashlib.sha256(weights.read_bytes()).hexdigest() if weights else None
 
 
 def _config(options: argparse.Namespace) -> TrainingConfig:
