@@ -52,7 +52,7 @@ def plant(
     *,
     seated: Tensor,
     floor: Tensor,
-    pushed: Tensor | None = None,
+    pushed: Tensor,
 ) -> Planted:
     """Brings the feet to where they belong.
 
@@ -62,10 +62,8 @@ def plant(
     would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
-    within = _within_reach(figure, wanted, orientations, characters.locks)
     last = before[:, figure.contacts]
-    if pushed is not None:
-        within = within & ~pushed.repeat_interleave(2, -1)
+    within = _within_reach(figure, wanted, orientations, characters.locks) & ~pushed.repeat_interleave(2, -1)
     locks, weights = _locks(characters, last, track, contacts * floor, seated, within)
     eased = weights * weights * (3 - 2 * weights)
     arms = _arms(figure, orientations, track, locks, eased)

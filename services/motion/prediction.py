@@ -14,7 +14,7 @@ _ROWS = 16
 
 
 class Prediction:
-    """Weights made ready once, called for every frame."""
+    """Weights made ready once, asked for every frame."""
 
     def __init__(self, network: MotionNetwork, normaliser: Normaliser) -> None:
         self._weights = network.weights().contiguous()
@@ -25,10 +25,18 @@ class Prediction:
             for kind in ("mean", "std")
         )
         self._normaliser = normaliser
+        chunk = torch.zeros(_ROWS, sum(self._widths))
+        with torch.no_grad():
+            self._chunk = torch.jit.trace(self._answer, (chunk,), check_trace=False)
 
-    def __call__(self, inputs: Inputs) -> Tensor:
-        """The raw output [B, O]."""
-        rows = normal(torch.cat([inputs.frame, inputs.goal, inputs.gating], 1), self._mean, self._std)
+    def normalised(self, inputs: Inputs) -> Tensor:
+        """What the network is given [B, F + G + S]."""
+        return normal(torch.cat([inputs.frame, inputs.goal, inputs.gating], 1), self._mean, self._std)
+
+    def answers(self, rows: Tensor) -> Tensor:
+        """Normalised inputs [B, F + G + S] -> the raw output [B, O]."""
         chunks = pad(rows, (0, 0, 0, -len(rows) % _ROWS)).split(_ROWS)
-        answers = [answer(self._weights, *chunk.split(self._widths, 1)) for chunk in chunks]
-        return self._normaliser.undo("output", torch.cat(answers)[: len(rows)])
+        return torch.cat([self._chunk(chunk) for chunk in chunks])[: len(rows)]
+
+    def _answer(self, chunk: Tensor) -> Tensor:
+        return self._normaliser.undo("output", answer(self._weights, *chunk.split(self._widths, 1)))
