@@ -68,8 +68,8 @@ def plant(
     eased = weights * weights * (3 - 2 * weights)
     arms = _arms(figure, orientations, track, locks, eased)
     ankle = _ankles(track, locks, weights, eased, arms, seated)
-    ankle = _not_too_fast(last[:, [0, 2]], ankle, seated)
-    toes = last[:, [1, 3]]
+    ankle = _not_too_fast(last[:, ::2], ankle, seated)
+    toes = last[:, 1::2]
     arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
     arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
     hips, reached = _reach(figure, wanted[:, 0], orientations, ankle)
@@ -97,7 +97,7 @@ def _locks(
     """
     weights = characters.lock_weights
     held = weights >= 1
-    apart = vector_norm((characters.locks - track)[..., [0, 2]], dim=-1)
+    apart = vector_norm((characters.locks - track)[..., ::2], dim=-1)
     misplaced = held & (seated[:, None] > 0.45) & (apart > _MISPLACED)
     # One foot at a time: the other one (ankle or toes) must not be on its way.
     away = (weights > 0) & (weights < 1)
@@ -121,11 +121,11 @@ def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, ea
     ground."""
     foot, toes = figure.legs[:, 2], figure.legs[:, 3]
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
-    both = (eased[:, [0, 2]] * eased[:, [1, 3]])[..., None]
-    flat, held = arm[..., [0, 2]], (locks[:, [1, 3]] - locks[:, [0, 2]])[..., [0, 2]]
+    both = (eased[:, ::2] * eased[:, 1::2])[..., None]
+    flat, held = arm[..., ::2], (locks[:, 1::2] - locks[:, ::2])[..., ::2]
     direction = torch.lerp(unit(flat), unit(held), both)
     length = figure.lengths[toes]
-    least = _LEAST_TOES - track[:, [0, 2], 1].clamp_min(_LEAST_ANKLE)
+    least = _LEAST_TOES - track[:, ::2, 1].clamp_min(_LEAST_ANKLE)
     raised = torch.maximum(arm[..., 1], least)
     apart = torch.minimum(vector_norm(held, dim=-1), _FLATTEST * length)
     raised = torch.lerp(raised, -(length.square() - apart.square()).sqrt(), both[..., 0])
@@ -135,17 +135,17 @@ def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, ea
 
 def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: Tensor, seated: Tensor) -> Tensor:
     """Ankle targets [B, 2, 3]."""
-    free = track[:, [0, 2]]
-    heel_held, heel, toe = weights[:, [0, 2], None] >= 1, eased[:, [0, 2], None], eased[:, [1, 3], None]
-    by_toes = torch.lerp(free, locks[:, [1, 3]] - arms, toe)
-    by_heel = torch.lerp(by_toes, locks[:, [0, 2]], heel)
-    toes_held = (weights[:, [1, 3], None] >= 1) & ~heel_held
+    free = track[:, ::2]
+    heel_held, heel, toe = weights[:, ::2, None] >= 1, eased[:, ::2, None], eased[:, 1::2, None]
+    by_toes = torch.lerp(free, locks[:, 1::2] - arms, toe)
+    by_heel = torch.lerp(by_toes, locks[:, ::2], heel)
+    toes_held = (weights[:, 1::2, None] >= 1) & ~heel_held
     ankle = torch.where(toes_held, by_toes, by_heel)
-    apart = vector_norm((locks - track)[:, [0, 2]], dim=-1)
-    arc = torch.sin(torch.pi * weights[:, [0, 2]]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
+    apart = vector_norm((locks - track)[:, ::2], dim=-1)
+    arc = torch.sin(torch.pi * weights[:, ::2]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
     height = (free[..., 1] + arc).clamp_min(_LEAST_ANKLE)
     # Where both are held the foot's pitch is given: the ankle stands over the toes, or they would slide.
-    sole = torch.minimum(track[:, [1, 3], 1], locks[:, [1, 3], 1]).clamp_min(_LEAST_TOES)
+    sole = torch.minimum(track[:, 1::2, 1], locks[:, 1::2, 1]).clamp_min(_LEAST_TOES)
     height = torch.lerp(height, sole - arms[..., 1], (heel * toe)[..., 0])
     return torch.stack([ankle[..., 0], height, ankle[..., 2]], -1)
 
