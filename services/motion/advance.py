@@ -94,7 +94,7 @@ def propose(figure: Figure, output: Tensor, characters: Characters, goals: Goals
 def cleared(figure: Figure, proposal: Proposal, around: tuple[Tensor, Furniture] | None) -> tuple[Proposal, Tensor]:
     """The proposal out of the furniture, and which feet [B, 2] had to move for it."""
     wanted, orientations = proposal.wanted.clone(), proposal.orientations.clone()
-    pushed = torch.zeros(len(wanted), 2, dtype=torch.bool)
+    pushed = torch.zeros_like(wanted[:, :2, 0], dtype=torch.bool)
     if around is not None:
         rows, furniture = around
         wanted[rows], orientations[rows], pushed[rows] = keep_clear(

@@ -1,11 +1,13 @@
 """The network as the service asks it: raw inputs to raw answers, in chunks of few shapes."""
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
 
 from motion.features import Inputs
 from motion.network import MotionNetwork, Normaliser, answer, normal
+from motion.torchscript import scripted, traced
 
 # Numbers of rows that the network is asked with; batches are padded to a sum of them. Matrix products of one shape give
 # the same bits whatever the other rows hold, so a session's motion does not depend on its neighbours. A product reads
@@ -26,32 +28,42 @@ class Prediction:
             for kind in ("mean", "std")
         )
         self._normaliser = normaliser
-        with torch.no_grad():
-            self._chunk = torch.jit.trace(self._answer, (torch.zeros(_SIZES[0], len(self._mean)),), check_trace=False)
-            self.sizes = self._alike()  # numbers of rows to ask with, the largest first
+        chunk = traced(self._answer, torch.zeros(_SIZES[0], len(self._mean)))
+        self._sizes = _alike(chunk, len(self._mean))
+        self._answers = _chunked(chunk)
 
-    def normalised(self, inputs: Inputs) -> Tensor:
-        """What the network is given [B, F + G + S]."""
-        return normal(torch.cat([inputs.frame, inputs.goal, inputs.gating], 1), self._mean, self._std)
-
-    def answers(self, rows: Tensor) -> Tensor:
-        """Normalised inputs [B, F + G + S] -> the raw output [B, O]."""
-        rest, answers = pad(rows, (0, 0, 0, -len(rows) % self.sizes[-1])), []
-        for size in self.sizes:
-            whole = len(rest) - len(rest) % size
-            if whole:
-                answers.append(self._together(rest[:whole], size))
-            rest = rest[whole:]
-        return torch.cat(answers)[: len(rows)]
-
-    def _alike(self) -> list[int]:
-        """Those sizes that answer every row as the smallest one does."""
-        rows = torch.randn(_SIZES[-1], len(self._mean), generator=torch.Generator().manual_seed(0))
-        singly = self._together(rows, _SIZES[0])
-        return [size for size in reversed(_SIZES) if torch.equal(self._together(rows, size), singly)]
-
-    def _together(self, rows: Tensor, size: int) -> Tensor:
-        return torch.cat([self._chunk(chunk) for chunk in rows.split(size)])
+    def __call__(self, inputs: Inputs) -> Tensor:
+        """The raw output [B, O]."""
+        rows = torch.cat([inputs.frame, inputs.goal, inputs.gating], 1)
+        output: Tensor = self._answers(normal(rows, self._mean, self._std), self._sizes)
+        return output
 
     def _answer(self, chunk: Tensor) -> Tensor:
         return self._normaliser.undo("output", answer(self._weights, *chunk.split(self._widths, 1)))
+
+
+Chunk = Callable[[Tensor], Tensor]
+
+
+def _chunked(chunk: Chunk) -> Callable[[Tensor, list[int]], Tensor]:
+    """A script, so that it can be part of a graph: rows [B, F + G + S] in chunks of some sizes, the largest first."""
+
+    def answers(rows: Tensor, sizes: list[int]) -> Tensor:
+        count = rows.shape[0]
+        rest = torch.constant_pad_nd(rows, [0, 0, 0, -count % sizes[-1]])
+        parts: list[Tensor] = []
+        for size in sizes:
+            while rest.shape[0] >= size:
+                parts.append(chunk(rest[:size]))
+                rest = rest[size:]
+        return torch.cat(parts)[:count]
+
+    return scripted(answers)
+
+
+def _alike(chunk: Chunk, width: int) -> list[int]:
+    """Those sizes that answer every row as the smallest one does, the largest first."""
+    rows = torch.randn(_SIZES[-1], width, generator=torch.Generator().manual_seed(0))
+    singly, *others = (torch.cat([chunk(part) for part in rows.split(size)]) for size in _SIZES)
+    same = [size for size, together in zip(_SIZES[1:], others, strict=True) if torch.equal(together, singly)]
+    return [*reversed(same), _SIZES[0]]

@@ -1,11 +1,12 @@
 """A character between two frames: small, serialisable, and stackable into one batch."""
 
-import math
 from dataclasses import dataclass
 from functools import cache
 
 import torch
 from torch import Tensor
+
+from motion.rows import join, split_tensor
 
 FRAME_RATE = 30  # [Hz]
 KEY_STRIDE = 5  # frames between trajectory keys: 1/6 s
@@ -34,15 +35,11 @@ class Characters:
     @staticmethod
     def of(rows: Tensor) -> "Characters":
         """A batch from the numbers of every character [B, D]."""
-        shapes = shapes_of(rows.shape[1])
-        parts = rows.split([math.prod(shape) for shape in shapes.values()], 1)
-        return Characters(
-            **{name: part.view(-1, *shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
-        )
+        return Characters(**split_tensor(rows, shapes_of(rows.shape[1])))
 
     def rows(self) -> Tensor:
         """The numbers of every character [B, D], in the order of the fields."""
-        return torch.cat([part.reshape(self.hips.shape[0], -1) for part in vars(self).values()], 1)
+        return join(vars(self))
 
 
 def characters_width(joints: int) -> int:

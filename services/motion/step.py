@@ -4,7 +4,7 @@ import json
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -153,7 +153,7 @@ class Animator:
         """The next frame of every character, in one batch."""
         if not states:
             return []
-        rows = torch.from_numpy(np.stack([state.row for state in states]))
+        rows = np.stack([state.row for state in states])
         bodies = [
             Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in self._graphs.bodies(rows)
         ]
@@ -161,22 +161,20 @@ class Animator:
         for state, intent, body in zip(states, intents, bodies, strict=True):
             memory, command = control(self.figure, state.control, intent, body)
             memories.append(memory)
-            commands.append(command)
-        goals = goals_of(self.figure, commands)
-        goals.urgency *= self._blending.settling
-        clock = torch.tensor([memory.clock for memory in memories])
+            commands.append(command if self._blending.settling else replace(command, urgency=0.0))
+        goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
         shown = self._graphs.step(rows, goals, clock, _around(memories, bodies))
         frames = _frames(shown, [command.active for command in commands])
-        after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows.numpy(), memories, strict=True)]
+        after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
 
 
 def _frames(shown: Shown, active: Sequence[bool]) -> list[FrameData]:
     """One of each; those whose goal pose is `active` tell how far it is."""
-    numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts)
     gaps = [gap if near else None for gap, near in zip(shown.apart.tolist(), active, strict=True)]
-    actions = [ACTIONS[style] for style in shown.style.tolist()]
-    return [FrameData(*parts) for parts in zip(*(part.numpy() for part in numbers), actions, gaps, strict=True)]
+    actions = [ACTIONS[int(style)] for style in shown.style]
+    numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
+    return [FrameData(*parts) for parts in zip(*numbers, actions, gaps, strict=True)]
 
 
 def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:

@@ -14,6 +14,4 @@ def test_a_prediction_is_the_trained_network_between_the_normalisers():
     with torch.no_grad():
         parts = [normaliser.apply_to(name, part) for name, part in vars(inputs).items()]
         expected = normaliser.undo("output", network(*parts))
-        prediction = Prediction(network, normaliser)
-        answers = prediction.answers(prediction.normalised(inputs))
-        torch.testing.assert_close(answers, expected, atol=1e-5, rtol=1e-5)
+        torch.testing.assert_close(Prediction(network, normaliser)(inputs), expected, atol=1e-5, rtol=1e-5)
