@@ -7,7 +7,7 @@ import torch
 from character.pose import Pose
 from torch import Tensor
 
-from goalpose.energy.figure import Figure, figure_concat
+from goalpose.energy.figure import Figure, figure_concat, figure_where
 
 TOO_DEEP, SUNK = 0.03, 30.0  # [m], [1/m]: a capsule a centimetre deeper than this counts as much as 0.3 of energy
 
@@ -41,6 +41,15 @@ class Candidates:
         terms = {name: term[index] for name, term in self.terms.items()}
         deepest = self.deepest[index] if isinstance(self.deepest, Tensor) else self.deepest
         return Candidates(self.figure[index], self.reference[index], self.energy[index], terms, deepest)
+
+    def replaced(self, won: Tensor, figure: Figure, energy: Tensor, terms: dict[str, Tensor]) -> "Candidates":
+        """With other poses of the same references where they `won` [B]."""
+        return Candidates(
+            figure_where(won, figure, self.figure),
+            self.reference,
+            torch.where(won, energy, self.energy),
+            {name: torch.where(won, term, self.terms[name]) for name, term in terms.items()},
+        )
 
     def ranked(self) -> "Candidates":
         """Best first."""
