@@ -1,6 +1,6 @@
 """A batch of candidate poses and how good each is."""
 
-from collections import Counter
+import math
 from dataclasses import dataclass
 
 import torch
@@ -89,17 +89,19 @@ def distinct(
     Looks at the best thirty times `count` only.
     """
     order = torch.argsort(candidates.fit, stable=True)[: 30 * count]
-    reference = candidates.reference[order]
-    root, yaw = candidates.figure.root_position[order], facing_yaw(candidates.figure[order])
-    turn = yaw[:, None] - yaw[None]
-    near = torch.linalg.vector_norm(root[:, None] - root[None], dim=-1) < reach
-    alike = near & (torch.atan2(turn.sin(), turn.cos()).abs() < angle) & (reference[:, None] == reference)
-    same, owner, taken = alike.numpy(), reference.tolist(), Counter[int]()
-    kept: list[int] = []
-    for i in range(len(order)):
-        if not same[i, kept].any() and (each is None or taken[owner[i]] < each):
-            kept.append(i)
-            taken[owner[i]] += 1
-            if len(kept) == count:
+    figure = candidates.figure[order]
+    roots, yaws = figure.root_position.tolist(), facing_yaw(figure).tolist()
+    kept: dict[int, list[int]] = {}  # of each reference, places in `order`
+    chosen: list[int] = []
+    for i, reference in enumerate(candidates.reference[order].tolist()):
+        mine = kept.setdefault(reference, [])
+        alike = any(
+            math.dist(roots[i], roots[k]) < reach and abs(math.remainder(yaws[i] - yaws[k], math.tau)) < angle
+            for k in mine
+        )
+        if not alike and (each is None or len(mine) < each):
+            mine.append(i)
+            chosen.append(i)
+            if len(chosen) == count:
                 break
-    return order[kept]
+    return order[chosen]

@@ -39,6 +39,11 @@ class Figure:
         """The values [B, J, ...] of joints [P], or of those that each pose names, [B, P]. -> [B, P, ...]."""
         return values[:, joints] if joints.dim() == 1 else values[torch.arange(len(joints))[:, None], joints]
 
+    def moved_to(self, root_position: Tensor) -> "Figure":
+        """The same poses elsewhere, [B, 3] [m]."""
+        away = (root_position - self.root_position)[:, None]
+        return Figure(self.skeleton, root_position, self.rotations, self.positions + away, self.orientations)
+
     def __len__(self) -> int:
         return self.root_position.shape[0]
 

@@ -43,12 +43,12 @@ class ReferenceModel:
     gravity: Tensor  # [R, 3, 3]
     front: Tensor  # [R, 3] the front of the reference object in the pelvis frame, as long as it is clear
     descriptors: Tensor  # [all, P, D] of all references, picked only where they are looked at: they are large
+    collision_allowances: Tensor  # [all, M] [m], likewise
     row: Tensor  # [R] which of all the references each is
     nearness: Tensor  # [R, P] 1 at the reference object, falling with distance: far descriptors say little
     allowance: Tensor  # [R, body points] [m]
     contacts: Contacts
     clearances: Tensor  # [R, body points] [m]
-    collision_allowance: Tensor  # [R, M] [m]
     hip_height: Tensor  # [R] of the hips joint above the surface below it [m]
     floor_height: Tensor  # [R]
 
@@ -61,6 +61,11 @@ class ReferenceModel:
     def descriptors_at(self, chosen: Tensor) -> Tensor:
         """Descriptors of the `chosen` probes [P']. -> [R, P', D]."""
         return self.descriptors[self.row[:, None], chosen]
+
+    @property
+    def collision_allowance(self) -> Tensor:
+        """How deep each pair of spheres may overlap [R, M] [m]."""
+        return self.collision_allowances[self.row]
 
     def of(self, which: Tensor) -> "ReferenceModel":
         """What poses made from the references `which` [B] are compared with."""
@@ -77,11 +82,11 @@ _EACH = (
     "allowance",
     "contacts",
     "clearances",
-    "collision_allowance",
     "hip_height",
     "floor_height",
 )
 _STRUCTURED = ("figure", "contacts")
+_SHARED = ("descriptors", "collision_allowances")
 
 
 def models_stack(models: Sequence[ReferenceModel]) -> ReferenceModel:
@@ -91,8 +96,9 @@ def models_stack(models: Sequence[ReferenceModel]) -> ReferenceModel:
     }
     figure = figure_concat([m.figure for m in models])
     contacts = contacts_stack([m.contacts for m in models])
-    descriptors, tensors["row"] = torch.cat([m.descriptors for m in models]), torch.arange(len(models))
-    return replace(models[0], figure=figure, contacts=contacts, descriptors=descriptors, **tensors)
+    tensors |= {name: torch.cat([getattr(m, name) for m in models]) for name in _SHARED}
+    tensors["row"] = torch.arange(len(models))
+    return replace(models[0], figure=figure, contacts=contacts, **tensors)
 
 
 @dataclass(frozen=True, eq=False)
