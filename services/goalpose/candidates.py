@@ -36,19 +36,19 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.energy)
 
-    def picked(self, index: Tensor) -> "Candidates":
+    def picked(self, index: Tensor | slice) -> "Candidates":
         """Some of them, in the order of `index`."""
         terms = {name: term[index] for name, term in self.terms.items()}
         deepest = self.deepest[index] if isinstance(self.deepest, Tensor) else self.deepest
         return Candidates(self.figure[index], self.reference[index], self.energy[index], terms, deepest)
 
-    def replaced(self, won: Tensor, figure: Figure, energy: Tensor, terms: dict[str, Tensor]) -> "Candidates":
-        """With other poses of the same references where they `won` [B]."""
+    def replaced(self, won: Tensor, better: "Candidates") -> "Candidates":
+        """The better ones where they `won` [B]."""
         return Candidates(
-            figure_where(won, figure, self.figure),
+            figure_where(won, better.figure, self.figure),
             self.reference,
-            torch.where(won, energy, self.energy),
-            {name: torch.where(won, term, self.terms[name]) for name, term in terms.items()},
+            torch.where(won, better.energy, self.energy),
+            {name: torch.where(won, term, self.terms[name]) for name, term in better.terms.items()},
         )
 
     def ranked(self) -> "Candidates":

@@ -79,4 +79,4 @@ def _better(best: Candidates | None, now: Candidates) -> Candidates:
     """Per candidate the better of two iterates."""
     if best is None:
         return now
-    return best.replaced(now.energy < best.energy, now.figure, now.energy, now.terms)
+    return best.replaced(now.energy < best.energy, now)

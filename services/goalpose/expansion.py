@@ -3,9 +3,9 @@
 A step that does not lower the energy is taken back: of its pose only the energy was needed, a third of the work.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 
 import torch
 from torch import Tensor
@@ -35,6 +35,21 @@ class Quadratic:
     gradient: Tensor  # [B, N]
     matrix: Tensor  # [B, N, N]
 
+    def __getitem__(self, index: slice) -> "Quadratic":
+        return Quadratic(self.gradient[index], self.matrix[index])
+
+
+def quadratic_concat(parts: Sequence[Quadratic]) -> Quadratic:
+    """Several batches as one."""
+    return Quadratic(torch.cat([part.gradient for part in parts]), torch.cat([part.matrix for part in parts]))
+
+
+def quadratic_where(won: Tensor, new: Quadratic, old: Quadratic) -> Quadratic:
+    """The new ones of the poses that `won` [B]."""
+    return Quadratic(
+        torch.where(won[:, None], new.gradient, old.gradient), torch.where(won[:, None, None], new.matrix, old.matrix)
+    )
+
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
@@ -47,8 +62,8 @@ class Expansion:
 
     @cached_property
     def energy(self) -> Tensor:
-        """[B]."""
-        return torch.stack(list(self.terms.values())).sum(0)
+        """[B], added term by term: a sum over a tensor's first axis rounds as the size of the batch would have it."""
+        return reduce(torch.add, self.terms.values())
 
     @cached_property
     def chain(self) -> Chain:
@@ -95,7 +110,7 @@ def expand(
         chosen, omega = probe_weights(model, settings)
         reference, weight = model.descriptors_at(chosen), settings.weights.descriptor * omega
         joint, points = model.probes.on(figure, chosen)
-        bend = descriptor_bend(target.field, target.latent, points, reference, weight)
+        bend = descriptor_bend(target.field, target.latent, points, reference, weight, objects=target.objects)
         found.add("descriptor", bend.energy, lambda: bend.rows(found.chain.anyhow(joint, points)))
     _expand_skeleton(found, model, target, settings)
     _expand_contacts(found, model, target, settings)

@@ -47,7 +47,7 @@ class Probes:
     """P query points fixed to joints: Gaussian clouds at C centres (joints, limb midpoints), centre by centre."""
 
     joint: Tensor  # [P]
-    offset: Tensor  # [P, 3] in the joint's frame [m]
+    offset: Tensor  # [P, 3] in the joint's frame [m], or [B, P, 3], for every pose its own
     centre: Tensor  # [P] which centre a point belongs to
     knee: Tensor  # [P] bool: belongs to a knee, which weighs more in the rigid stage (supplement C)
 
@@ -59,7 +59,7 @@ class Probes:
     def on(self, figure: Figure, chosen: Tensor) -> tuple[Tensor, Tensor]:
         """The `chosen` points [P']: their joints [P'] and where they are on B poses [B, P', 3] [m]."""
         joint = self.joint[chosen]
-        return joint, figure.attached(joint, self.offset[chosen])
+        return joint, figure.attached(joint, self.offset[..., chosen, :])
 
     def thinned(self, samples: int) -> Tensor:
         """Indices of the first `samples` points of every centre."""
@@ -161,8 +161,9 @@ class DescriptorBend:
 
 
 def descriptor_bend(
-    field: DescriptorField, latent: Any, points: Tensor, reference: Tensor, weight: Tensor
+    field: DescriptorField, latent: Any, points: Tensor, reference: Tensor, weight: Tensor, *, objects: int = 1
 ) -> DescriptorBend:
-    """E_d of query points [B, P, 3] [m]; `reference` and `weight` as in `descriptor_energy`."""
-    pulled = field.pull(latent, points.reshape(1, -1, 3))
+    """E_d of query points [B, P, 3] [m], of as many poses on each of the `objects` in `latent`, one after the other;
+    `reference` and `weight` as in `descriptor_energy`."""
+    pulled = field.pull(latent, points.reshape(objects, -1, 3))
     return DescriptorBend(pulled, pulled.descriptors.reshape(*points.shape[:2], -1) - reference, weight)

@@ -67,6 +67,11 @@ class ReferenceModel:
         """How deep each pair of spheres may overlap [R, M] [m]."""
         return self.collision_allowances[self.row]
 
+    @property
+    def alone(self) -> "ReferenceModel":
+        """The same without what belongs to other references."""
+        return replace(self, row=torch.arange(len(self)), **{name: getattr(self, name)[self.row] for name in _SHARED})
+
     def of(self, which: Tensor) -> "ReferenceModel":
         """What poses made from the references `which` [B] are compared with."""
         return self if len(self) == 1 else self[which]
@@ -97,8 +102,17 @@ def models_stack(models: Sequence[ReferenceModel]) -> ReferenceModel:
     figure = figure_concat([m.figure for m in models])
     contacts = contacts_stack([m.contacts for m in models])
     tensors |= {name: torch.cat([getattr(m, name) for m in models]) for name in _SHARED}
-    tensors["row"] = torch.arange(len(models))
+    tensors["row"] = torch.arange(len(tensors["descriptors"]))
     return replace(models[0], figure=figure, contacts=contacts, **tensors)
+
+
+def models_joined(models: Sequence[ReferenceModel]) -> ReferenceModel:
+    """What the poses of several requests are compared with, a row for every pose."""
+    if len(models) == 1:
+        return models[0]
+    offset = torch.cat([model.probes.offset.expand(len(model), -1, -1) for model in models])
+    rows = models_stack([model.alone for model in models])
+    return replace(rows, probes=replace(rows.probes, offset=offset))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +123,9 @@ class Target:
     latent: Any
     distance: SignedDistance
     floor_height: float
-    front: Tensor  # [3] away from its back, as long as front and back differ
+    front: Tensor  # [3] away from its back, as long as front and back differ; [B, 1, 3] for several objects
     constraints: Constraints = NONE
+    objects: int = 1  # several, when each has its share of the poses, one after the other (`joined.py`)
 
     @property
     def rigid(self) -> "Target":

@@ -102,13 +102,23 @@ class Decoder(nn.Module):
 
     def states(self, latent: Latent, numbers: Tensor) -> tuple[list[Tensor], list[Tensor]]:
         """Every hidden state, and what is between each and the next: `[B, Q, hidden]` each."""
-        states, between = [self.first(numbers) + latent.biases[:, :1]], []
+        states, between = [object_wise(self.first, numbers) + latent.biases[:, :1]], []
         for k, (inner, outer) in enumerate(zip(self.inner, self.outer, strict=True)):
-            between.append(torch.relu(inner(torch.relu(states[-1])) + latent.biases[:, k + 1 : k + 2]))
-            states.append(states[-1] + outer(between[-1]))
+            hidden = object_wise(inner, torch.relu(states[-1])) + latent.biases[:, k + 1 : k + 2]
+            between.append(torch.relu(hidden))
+            states.append(states[-1] + object_wise(outer, between[-1]))
         return states, between
 
     def answer(self, latent: Latent, queries: Tensor) -> Answer:
         """What the object is like at the queries `[B, Q, 3]`."""
         out = self.heads(torch.relu(self.activations(latent, queries)[-1]))
         return Answer(out[..., 0], out[..., 1], out[..., 2:])
+
+
+def object_wise(layer: nn.Module, x: Tensor) -> Tensor:
+    """A linear layer on `[B, Q, inputs]`, a matrix product for every object.
+
+    One product for all would round an object's numbers otherwise the more others there are.
+    """
+    weight, bias = layer.get_parameter("weight"), layer.get_parameter("bias")
+    return torch.baddbmm(bias, x, weight.t().expand(len(x), -1, -1))

@@ -50,9 +50,9 @@ class Pull:
         """Slopes in all hidden states `[B, Q, hidden]` -> in the numbers before them `[B, Q, inputs]`."""
         *earlier, slope = slopes
         for k in reversed(range(len(earlier))):
-            hidden = (slope @ _matrix(self.decoder.outer[k])).mul_(self.between[k] > 0)
-            slope = slope + earlier[k] + (hidden @ _matrix(self.decoder.inner[k])).mul_(self.states[k] > 0)
-        return slope @ _matrix(self.decoder.first)
+            hidden = _back(slope, self.decoder.outer[k]).mul_(self.between[k] > 0)
+            slope = slope + earlier[k] + _back(hidden, self.decoder.inner[k]).mul_(self.states[k] > 0)
+        return _back(slope, self.decoder.first)
 
     def _through_look(self, slope: Tensor) -> Tensor:
         """Slopes in the numbers `[B, Q, inputs]` -> in the queries `[B, Q, 3]`."""
@@ -77,5 +77,6 @@ class Pull:
         return look.x * gaps.sum(-1, keepdim=True) - gaps @ latent.anchors
 
 
-def _matrix(layer: nn.Module) -> Tensor:
-    return layer.get_parameter("weight")
+def _back(slope: Tensor, layer: nn.Module) -> Tensor:
+    """Slopes behind a linear layer `[B, Q, outputs]` -> before it `[B, Q, inputs]`, object by object."""
+    return torch.bmm(slope, layer.get_parameter("weight").expand(len(slope), -1, -1))
