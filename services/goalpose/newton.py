@@ -131,7 +131,7 @@ class _Batch:
         """Those of problems of one kind."""
         problems = [run.problem for run in runs]
         reference = torch.cat([problem.starts.reference for problem in problems])
-        model = models_joined([problem.model.of(problem.starts.reference) for problem in problems])
+        model = models_joined([problem.model[problem.starts.reference] for problem in problems])
         target = targets_joined([problem.target for problem in problems], len(problems[0].starts))
         return cls(runs, model, target, reference)
 

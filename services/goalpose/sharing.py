@@ -4,7 +4,6 @@ One thread computes at a time: tensor operations of two would only fight for the
 that others may have too. When all who take part have come that far, one of them solves all problems of a kind at once.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from threading import Condition
@@ -63,10 +62,10 @@ class SharedSteps:
         return not self._computing and len(self._posts) == self._taking_part
 
     def _solve_some(self) -> None:
-        """Solves the problems of the kind that most are of; gives up the lock meanwhile."""
-        kinds = [post.problem.kind for post in self._posts]
-        (common, _), *_ = Counter(kinds).most_common(1)
-        chosen = [post for post, kind in zip(self._posts, kinds, strict=True) if kind == common]
+        """Solves the shortest problem and its like, for the long ones profit most from company that may still come;
+        gives up the lock meanwhile."""
+        kind = min(self._posts, key=lambda post: post.problem.iterations).problem.kind
+        chosen = [post for post in self._posts if post.problem.kind == kind]
         self._posts = [post for post in self._posts if post not in chosen]
         self._computing = True
         self._changed.release()
