@@ -135,6 +135,7 @@ class _Process:
         pipes = [context.Pipe() for _ in range(lanes)]
         self._lanes: list[Lane] = [(ours, context.Event()) for ours, _ in pipes]
         theirs = [(pipe, stop) for (_, pipe), (_, stop) in zip(pipes, self._lanes, strict=True)]
+        self._ending = threading.Lock()
         self._process = context.Process(target=_serve, args=(theirs, *arguments), daemon=True)
         self._process.start()
         for pipe, _ in theirs:
@@ -180,15 +181,20 @@ class _Process:
         self._process.kill()
         self._process.join()
 
+    def _ended(self) -> int | None:
+        """Waits for the end that a closed pipe announces. -> the exit code."""
+        with self._ending:  # every lane comes here, but only one thread can ask the system for the code
+            self._process.join(timeout=1)
+            code = self._process.exitcode
+            self.kill()
+        return code
+
     def _answer(self, pipe: Connection) -> Any:
         """The next message of a lane, or the error that it is."""
         try:
             kind, value = pipe.recv()
         except (EOFError, OSError) as error:
-            self._process.join(timeout=1)  # the pipe closes a moment before the process has ended
-            code = self._process.exitcode
-            self.kill()
-            raise RuntimeError(f"the process that computes goal poses ended with code {code}") from error
+            raise RuntimeError(f"the process that computes goal poses ended with code {self._ended()}") from error
         if kind == "cancelled":
             raise Cancelled
         if kind == "refused":

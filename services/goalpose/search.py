@@ -10,7 +10,7 @@ from torch import Tensor
 from goalpose.candidates import Candidates, candidates_concat, distinct
 from goalpose.energy.contact import Contacts, contact
 from goalpose.energy.facing import carried_front, facing
-from goalpose.energy.figure import Figure, figure_concat, figure_from_pose
+from goalpose.energy.figure import Figure, figure_concat
 from goalpose.energy.total import ReferenceModel, Settings, Target, total_energy, without_descriptor
 from goalpose.energy.weights import EnergyWeights
 from goalpose.legs import settle_legs

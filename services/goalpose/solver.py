@@ -109,6 +109,7 @@ def solve(
     )
     done = 0
     for stage, turn in ((1, config.rigid), (2, config.joints), (3, config.finish), (3, config.polish)):
+        watch.check()
         each = turn.each if len(model) > 1 else None
         count = keep if keep and stage == 1 else turn.keep
         found = found.picked(distinct(found, count, reach=turn.apart, each=each))

@@ -73,7 +73,7 @@ class Pairs:
 
 
 def deepest_pairs(points: Tensor, body: BodyPoints, pairs: Tensor, allowance: Tensor) -> Pairs:
-    """Which `pairs` [2, M] of the spheres at `points` [B, P, 3] overlap most beyond their `allowance` [1 or B, M] [m]."""
+    """Which `pairs` [2, M] of the spheres at `points` [B, P, 3] overlap most, beyond `allowance` [1 or B, M] [m]."""
     apart = torch.cdist(points, points, compute_mode="donot_use_mm_for_euclid_dist")
     depth = (body.radius[pairs[0]] + body.radius[pairs[1]] - allowance) - apart[:, pairs[0], pairs[1]]
     overlap, which = depth.topk(min(PAIRS, depth.shape[1]), dim=-1)
