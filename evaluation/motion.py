@@ -3,12 +3,16 @@
 Goal poses are synthesised on the objects of a folder; each is approached from several starts, 2-4 m away (paper, 4.2).
 
     python -m evaluation.motion --objects DIR --json FILE [--sheet FILE.png] [--approaches 100] [--spread 180] …
+
+A further study, with options of its own: `roam evaluate motion ablation`.
 """
 
 import argparse
+import importlib
 import json
 import math
 import platform
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -29,6 +33,7 @@ from evaluation.sheets import contact_sheet, top_view
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "motion.safetensors"
 _BATCH = 16
+STUDIES = ("ablation",)
 
 
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -144,7 +149,11 @@ def write_sheets(path: Path, takes: list[Take]) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the evaluation; 0 when it ran, whatever the figures."""
-    options = parse(argv)
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    if arguments and arguments[0] in STUDIES:
+        ran: int = importlib.import_module(f"evaluation.motion_{arguments[0]}").main(arguments[1:])
+        return ran
+    options = parse(arguments)
     torch.set_num_threads(1)
     categories = set(options.categories.split(",")) if options.categories else None
     objects = find_objects(options.objects, categories=categories, held_out=())[: options.limit or None]

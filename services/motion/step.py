@@ -13,7 +13,7 @@ from character.volume import Volume
 from safetensors import safe_open
 from torch import Tensor
 
-from motion.advance import advance
+from motion.advance import Predict, advance
 from motion.blending import WHOLE, Blending
 from motion.clearance import Furniture, furniture_of, near
 from motion.controller import Body, Control, control, goals_of
@@ -111,7 +111,8 @@ class Animator:
         blending: Blending = WHOLE,
     ) -> None:
         self.figure, self._blending = figure, blending
-        self._predict, self._starts = Prediction(network, normaliser), starts
+        self._predict: Predict = Prediction(network, normaliser)
+        self._starts = starts
 
     @staticmethod
     def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
