@@ -24,6 +24,7 @@ from motion.blending import Blending
 from motion.figure import Figure, humanoid_figure
 from motion.step import Animator, Steer
 
+from evaluation import motion_gait
 from evaluation.goalpose_objects import find_objects
 from evaluation.motion_clips import features_of, read_tracks
 from evaluation.motion_goals import SeatGoal, make_goals
@@ -106,6 +107,7 @@ def beside_clips(figure: Figure, takes: Sequence[Track], folders: Sequence[Path]
         "held_out_clips": motion_figures(figure, held_out),
         "walking_frechet_to_held_out": round(frechet(features_of(figure, takes), real), 2),
         "walking_frechet_of_training_clips": round(frechet(features_of(figure, kept), real), 2),
+        "steady_walking": motion_gait.beside(figure, takes, held_out, kept),
     }
 
 
