@@ -25,6 +25,7 @@ from motion.planner import Plan
 from motion.prediction import Prediction
 from motion.seat import Seat
 from motion.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
+from motion.swing import swinging, walking
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
@@ -159,9 +160,10 @@ class Animator:
         goals = goals_of(self.figure, commands)
         goals.urgency *= self._blending.settling
         around = _around(controls, bodies)
-        after, _, _ = advance(self.figure, self._predict, characters, goals, self._blending, around)
+        after, moved, _ = advance(self.figure, self._predict, characters, goals, self._blending, around)
         clock = torch.tensor([memory.clock for memory in controls])
-        orientations = alive(self.figure, after.orientations, stillness(after), clock)
+        orientations = swinging(self.figure, moved, after.orientations, walking(after))
+        orientations = alive(self.figure, orientations, stillness(after), clock)
         positions = self.figure.positions(after.hips, orientations)
         distance = torch.linalg.vector_norm(positions - goals.pose_positions, dim=-1).mean(-1)
         rotations = self.figure.rotations(orientations).numpy()
