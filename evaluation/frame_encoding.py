@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from character.skeleton import humanoid_skeleton
-from character.wire import pack_float32
+from character.wire import pack_float32, snorm16
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import Message
 from motion.messages import pack_frame
@@ -24,17 +24,18 @@ def measure_encoding() -> dict[str, float]:
     rotations = np.random.default_rng(0).normal(size=(humanoid_skeleton().joint_count, 4)).astype(np.float32)
     rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
     positions = np.zeros((len(rotations), 3), np.float32)
-    data = FrameData(positions[0], rotations, positions, np.ones(4, bool), "sit", 0.1)
+    root = np.concatenate([positions[0], rotations[0]])
+    data = FrameData(root, rotations, snorm16(rotations), positions, np.ones(4, bool), "sit", 0.1)
     record = FrameRecord(1000, data)
-    snorm16 = StreamOptions(encoding=motion_pb2.ROTATION_ENCODING_SNORM16)
+    short = StreamOptions(encoding=motion_pb2.ROTATION_ENCODING_SNORM16)
     float32 = StreamOptions()
     kind = _spelling()
     spelled = _microseconds(lambda: _spelled(kind, rotations))
     in_one = _microseconds(lambda: motion_pb2.Frame(rotations=pack_float32(rotations)).SerializeToString())
     return {
-        "frame_bytes_snorm16": len(pack_frame(record, 0.1, snorm16).SerializeToString()),
+        "frame_bytes_snorm16": len(pack_frame(record, 0.1, short).SerializeToString()),
         "frame_bytes_float32": len(pack_frame(record, 0.1, float32).SerializeToString()),
-        "frame_us_snorm16": _microseconds(lambda: pack_frame(record, 0.1, snorm16).SerializeToString()),
+        "frame_us_snorm16": _microseconds(lambda: pack_frame(record, 0.1, short).SerializeToString()),
         "frame_us_float32": _microseconds(lambda: pack_frame(record, 0.1, float32).SerializeToString()),
         "rotations_us_packed": in_one,
         "rotations_us_one_message_each": spelled,

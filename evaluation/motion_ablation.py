@@ -20,7 +20,9 @@ import numpy as np
 import torch
 from motion.features import decode, encode
 from motion.figure import Figure, humanoid_figure
+from motion.graphs import Graphs
 from motion.network import MotionNetwork, Normaliser
+from motion.prediction import Prediction
 from motion.step import Animator
 from motion.training.dataset import Dataset
 from motion.training.library import load_library
@@ -74,7 +76,8 @@ class Partial(Animator):
         self, figure: Figure, network: MotionNetwork, normaliser: Normaliser, poses: dict[str, Tensor], parts: Parts
     ) -> None:
         super().__init__(figure, network, normaliser, poses, parts.blending(settling=False))
-        self._predict = parts.of(figure.joint_count, self._predict)
+        predict = parts.of(figure.joint_count, Prediction(network, normaliser))
+        self._graphs = Graphs(figure, predict, parts.blending(settling=False))
 
 
 def trained(figure: Figure, dataset: Dataset, variant: Variant, seed: int, updates: int) -> Learner:

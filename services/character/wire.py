@@ -20,9 +20,19 @@ def unpack_float32(data: bytes, shape: tuple[int, ...]) -> np.ndarray:
     return np.frombuffer(data, "<f4").reshape(shape).astype(np.float32)
 
 
+def snorm16(rotations: np.ndarray) -> np.ndarray:
+    """Unit quaternions [..., 4] -> int16 of the same shape."""
+    return np.rint(np.clip(rotations, -1, 1) * 32767).astype(np.int16)
+
+
+def pack_int16(values: np.ndarray) -> bytes:
+    """Any shape of int16 -> bytes, row-major little-endian."""
+    return np.ascontiguousarray(values, "<i2").tobytes()
+
+
 def pack_snorm16(rotations: np.ndarray) -> bytes:
     """Unit quaternions [..., 4] -> bytes, 8 per quaternion."""
-    return np.ascontiguousarray(np.rint(np.clip(rotations, -1, 1) * 32767), "<i2").tobytes()
+    return pack_int16(snorm16(rotations))
 
 
 def unpack_snorm16(data: bytes, shape: tuple[int, ...]) -> np.ndarray:

@@ -4,6 +4,7 @@ Training roll-outs and the service call this same function, so training sees exa
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -23,6 +24,22 @@ _COMMITTED = 0.3  # blending weight from which feet go where the goal pose has t
 _MOST_PHASE = 0.08  # [turns] per frame: 2.4 gait cycles a second
 
 
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """What network and blending want of the next frame, before furniture and floor have their say."""
+
+    before: Tensor  # [B, J, 3] the joints shown last [m]
+    wanted: Tensor  # [B, J, 3] joints [m]
+    orientations: Tensor  # [B, J, 3, 3] in the world
+    contacts: Tensor  # [B, 4] predicted contact, 0..1
+    floor: Tensor  # [B, 4] 1 where a contact belongs on the floor
+    styles: Tensor  # [B, 4] idle, walk, sit, lie
+    phase: Tensor  # [B, 1] gait phase, counted on [turns]
+    future: Tensor  # [B, 6, 9] future keys in the world
+    seated: Tensor  # [B] the bidirectional weight
+    settled: Tensor  # [B] see `Characters`
+
+
 def advance(
     figure: Figure,
     predict: Predict,
@@ -36,9 +53,21 @@ def advance(
     Returns the new characters, their joint positions [B, J, 3] [m], and the mean joint distance to the goal pose [B]
     [m] (meaningful where the goal is active).
     """
+    proposal = propose(figure, predict(sense(figure, characters, goals)), characters, goals, parts)
+    moved, after = settle(figure, characters, *cleared(figure, proposal, around))
+    return moved, after, (after - goals.pose_positions).norm(dim=-1).mean(-1)
+
+
+def sense(figure: Figure, characters: Characters, goals: Goals) -> Inputs:
+    """What the network sees."""
+    positions = figure.positions(characters.hips, characters.orientations)
+    return encode(figure, characters, goals, positions, figure.frame(positions))
+
+
+def propose(figure: Figure, output: Tensor, characters: Characters, goals: Goals, parts: Blending = WHOLE) -> Proposal:
+    """What the network's raw output [B, O] leads to, blended with the goal."""
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
-    output = predict(encode(figure, characters, goals, positions, root))
     answer = decode(output, characters, positions, root)
     distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
     styles = answer.trajectory[:, 0, 4:8].clamp(0.0, 1.0)
@@ -48,36 +77,61 @@ def advance(
     # Without an active goal there is nothing to blend with, whatever weight is left from before.
     seated = blend * goals.active
     wanted, orientations = blend_pose(answer, characters, positions, root, goals, facing, seated, settled)
-    orientations = limit_turns(figure, characters.orientations, orientations, goals.active)
-    pushed = None
+    return Proposal(
+        before=positions,
+        wanted=wanted,
+        orientations=limit_turns(figure, characters.orientations, orientations, goals.active),
+        contacts=answer.contacts.clamp(0.0, 1.0),
+        floor=_standing(figure, goals, styles, seated),
+        styles=styles,
+        phase=characters.past[:, -1, 8:] + answer.phase[:, :1].clamp(0.0, _MOST_PHASE),
+        future=_future(characters, answer, root, facing, goals),
+        seated=seated,
+        settled=settled,
+    )
+
+
+def cleared(figure: Figure, proposal: Proposal, around: tuple[Tensor, Furniture] | None) -> tuple[Proposal, Tensor]:
+    """The proposal out of the furniture, and which feet [B, 2] had to move for it."""
+    wanted, orientations = proposal.wanted.clone(), proposal.orientations.clone()
+    pushed = torch.zeros_like(wanted[:, :2, 0], dtype=torch.bool)
     if around is not None:
         rows, furniture = around
-        pushed = torch.zeros(len(wanted), 2, dtype=torch.bool)
         wanted[rows], orientations[rows], pushed[rows] = keep_clear(
-            figure, furniture, wanted[rows], orientations[rows], settled[rows]
+            figure, furniture, wanted[rows], orientations[rows], proposal.settled[rows]
         )
-    contacts = answer.contacts.clamp(0.0, 1.0)
-    floor = _standing(figure, goals, styles, seated)
+    return replace(proposal, wanted=wanted, orientations=orientations), pushed
+
+
+def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: Tensor) -> tuple[Characters, Tensor]:
+    """The characters with their feet planted and their series shifted, and their joints [B, J, 3] [m]."""
     feet = plant(
-        figure, characters, positions, wanted, orientations, contacts, seated=seated, floor=floor, pushed=pushed
+        figure,
+        characters,
+        proposal.before,
+        proposal.wanted,
+        proposal.orientations,
+        proposal.contacts,
+        seated=proposal.seated,
+        floor=proposal.floor,
+        pushed=pushed,
     )
     after = figure.positions(feet.hips, feet.orientations)
+    past = _past(figure, characters, proposal, after)
+    whole = past[:, -1:, 8:].floor()
     moved = Characters(
         hips=feet.hips,
         orientations=feet.orientations,
-        velocities=(after - positions) * FRAME_RATE,
-        past=_past(figure, characters, answer, after, styles),
-        future=_future(characters, answer, root, facing, goals),
-        contacts=contacts,
+        velocities=(after - proposal.before) * FRAME_RATE,
+        past=torch.cat([past[..., :8], past[..., 8:] - whole], -1),
+        future=torch.cat([proposal.future[..., :8], proposal.future[..., 8:] - whole], -1),
+        contacts=proposal.contacts,
         locks=feet.locks,
         lock_weights=feet.weights,
-        settled=settled,
-        blend=seated,
+        settled=proposal.settled,
+        blend=proposal.seated,
     )
-    whole = moved.past[:, -1:, 8:].floor()
-    moved.past = torch.cat([moved.past[..., :8], moved.past[..., 8:] - whole], -1)
-    moved.future = torch.cat([moved.future[..., :8], moved.future[..., 8:] - whole], -1)
-    return moved, after, (after - goals.pose_positions).norm(dim=-1).mean(-1)
+    return moved, after
 
 
 def _standing(figure: Figure, goals: Goals, styles: Tensor, seated: Tensor) -> Tensor:
@@ -87,11 +141,10 @@ def _standing(figure: Figure, goals: Goals, styles: Tensor, seated: Tensor) -> T
     return (styles[:, 3:] < 0.5).float() * (~hanging).float()
 
 
-def _past(figure: Figure, characters: Characters, answer: Answer, after: Tensor, styles: Tensor) -> Tensor:
+def _past(figure: Figure, characters: Characters, proposal: Proposal, after: Tensor) -> Tensor:
     """History [B, 31, 9] with the new root appended."""
     root: Frame = figure.frame(after)
-    phase = characters.past[:, -1, 8:] + answer.phase[:, :1].clamp(0.0, _MOST_PHASE)
-    now = torch.cat([root.origin, root.direction, styles, phase], -1)
+    now = torch.cat([root.origin, root.direction, proposal.styles, proposal.phase], -1)
     return torch.cat([characters.past[:, 1:], now[:, None]], 1)
 
 

@@ -54,9 +54,11 @@ def blend_weights(
 
     `urgency` is for the few that are not there when a sit-down should long be over: it raises the weight by itself.
     """
-    blend = limited(blend, torch.maximum(parts.inverse * action * distance_weight(distance), urgency), _RISE, _FALL)
-    near = (action > 0.5) & (distance < _SETTLE_WITHIN) & parts.settling
-    return blend, limited(settled, near.float(), _SETTLE_RISE, _SETTLE_FALL)
+    blend = limited(
+        blend, torch.maximum(float(parts.inverse) * action * distance_weight(distance), urgency), _RISE, _FALL
+    )
+    near = ((action > 0.5) & (distance < _SETTLE_WITHIN)).float() * float(parts.settling)
+    return blend, limited(settled, near, _SETTLE_RISE, _SETTLE_FALL)
 
 
 def blend_pose(

@@ -30,6 +30,7 @@ _FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) a
 # [m] the pelvis gives way at most per frame: walking, where more would sink it into a lunge with every stride (people's
 # hips bob by 2 to 3 cm), and otherwise.
 _YIELD = 0.006, 0.02
+_STROLL = 0.2, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
 
@@ -54,7 +55,7 @@ def plant(
     *,
     seated: Tensor,
     floor: Tensor,
-    pushed: Tensor | None = None,
+    pushed: Tensor,
 ) -> Planted:
     """Brings the feet to where they belong.
 
@@ -64,16 +65,14 @@ def plant(
     would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
-    within = _within_reach(figure, wanted, orientations, characters.locks)
     last = before[:, figure.contacts]
-    if pushed is not None:
-        within = within & ~pushed.repeat_interleave(2, -1)
+    within = _within_reach(figure, wanted, orientations, characters.locks) & ~pushed.repeat_interleave(2, -1)
     locks, weights = _locks(characters, last, track, contacts * floor, seated, within)
     eased = weights * weights * (3 - 2 * weights)
     arms = _arms(figure, orientations, track, locks, eased)
     ankle = _ankles(track, locks, weights, eased, arms, seated)
-    ankle = _not_too_fast(last[:, [0, 2]], ankle, seated)
-    toes = last[:, [1, 3]]
+    ankle = _not_too_fast(last[:, ::2], ankle, seated)
+    toes = last[:, 1::2]
     arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
     arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
     hips, reached = _reach(figure, wanted[:, 0], orientations, ankle, _yielding(characters))
@@ -101,7 +100,7 @@ def _locks(
     """
     weights = characters.lock_weights
     held = weights >= 1
-    apart = vector_norm((characters.locks - track)[..., [0, 2]], dim=-1)
+    apart = vector_norm((characters.locks - track)[..., ::2], dim=-1)
     misplaced = held & (seated[:, None] > 0.45) & (apart > _MISPLACED)
     # One foot at a time: the other one (ankle or toes) must not be on its way.
     away = (weights > 0) & (weights < 1)
@@ -125,11 +124,11 @@ def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, ea
     ground."""
     foot, toes = figure.legs[:, 2], figure.legs[:, 3]
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
-    both = (eased[:, [0, 2]] * eased[:, [1, 3]])[..., None]
-    flat, held = arm[..., [0, 2]], (locks[:, [1, 3]] - locks[:, [0, 2]])[..., [0, 2]]
+    both = (eased[:, ::2] * eased[:, 1::2])[..., None]
+    flat, held = arm[..., ::2], (locks[:, 1::2] - locks[:, ::2])[..., ::2]
     direction = torch.lerp(unit(flat), unit(held), both)
     length = figure.lengths[toes]
-    least = _LEAST_TOES - track[:, [0, 2], 1].clamp_min(_LEAST_ANKLE)
+    least = _LEAST_TOES - track[:, ::2, 1].clamp_min(_LEAST_ANKLE)
     raised = torch.maximum(arm[..., 1], least)
     apart = torch.minimum(vector_norm(held, dim=-1), _FLATTEST * length)
     raised = torch.lerp(raised, -(length.square() - apart.square()).sqrt(), both[..., 0])
@@ -139,17 +138,17 @@ def _arms(figure: Figure, orientations: Tensor, track: Tensor, locks: Tensor, ea
 
 def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: Tensor, seated: Tensor) -> Tensor:
     """Ankle targets [B, 2, 3]."""
-    free = track[:, [0, 2]]
-    heel_held, heel, toe = weights[:, [0, 2], None] >= 1, eased[:, [0, 2], None], eased[:, [1, 3], None]
-    by_toes = torch.lerp(free, locks[:, [1, 3]] - arms, toe)
-    by_heel = torch.lerp(by_toes, locks[:, [0, 2]], heel)
-    toes_held = (weights[:, [1, 3], None] >= 1) & ~heel_held
+    free = track[:, ::2]
+    heel_held, heel, toe = weights[:, ::2, None] >= 1, eased[:, ::2, None], eased[:, 1::2, None]
+    by_toes = torch.lerp(free, locks[:, 1::2] - arms, toe)
+    by_heel = torch.lerp(by_toes, locks[:, ::2], heel)
+    toes_held = (weights[:, 1::2, None] >= 1) & ~heel_held
     ankle = torch.where(toes_held, by_toes, by_heel)
-    apart = vector_norm((locks - track)[:, [0, 2]], dim=-1)
-    arc = torch.sin(torch.pi * weights[:, [0, 2]]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
+    apart = vector_norm((locks - track)[:, ::2], dim=-1)
+    arc = torch.sin(torch.pi * weights[:, ::2]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
     height = (free[..., 1] + arc).clamp_min(_LEAST_ANKLE)
     # Where both are held the foot's pitch is given: the ankle stands over the toes, or they would slide.
-    sole = torch.minimum(track[:, [1, 3], 1], locks[:, [1, 3], 1]).clamp_min(_LEAST_TOES)
+    sole = torch.minimum(track[:, 1::2, 1], locks[:, 1::2, 1]).clamp_min(_LEAST_TOES)
     height = torch.lerp(height, sole - arms[..., 1], (heel * toe)[..., 0])
     return torch.stack([ankle[..., 0], height, ankle[..., 2]], -1)
 
@@ -166,9 +165,10 @@ def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
 
 
 def _yielding(characters: Characters) -> Tensor:
-    """How far the pelvis may give way [B, 1, 1] [m], by the style that was last shown."""
-    walking = characters.past[:, -1, 5].clamp(0.0, 1.0)[:, None, None]
-    return _YIELD[1] + (_YIELD[0] - _YIELD[1]) * walking
+    """How far the pelvis may give way [B, 1, 1] [m]: little for those who walk, and go on walking for a second."""
+    way = vector_norm(characters.future[:, -1, :2] - characters.past[:, -1, :2], dim=-1)
+    walking = characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
+    return (_YIELD[1] + (_YIELD[0] - _YIELD[1]) * walking)[:, None, None]
 
 
 def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor, most: Tensor) -> tuple[Tensor, Tensor]:

@@ -8,12 +8,12 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import torch
 
-from motion.features import Goals
+from motion.features import goal_shapes
 from motion.figure import Figure
 from motion.intent import Goal, Idle, Intent, Steer
 from motion.planner import Plan, Steering, Target, follow, plan_keys, wrap
+from motion.rows import row_width, split_array
 from motion.seat import Seat, outlines_of, seat_of
 from motion.state import ACTIONS, FRAME_RATE, KEYS
 from motion.ways import way
@@ -145,25 +145,17 @@ def _hold(root: np.ndarray, action: int, seat: Seat | None) -> Command:
     return Command(places, directions, action, seat is not None, seat)
 
 
-def goals_of(figure: Figure, commands: list[Command]) -> Goals:
-    """One batch of network goals."""
-    count, joints = len(commands), figure.joint_count
-    numbers = np.zeros((count, 6), np.float32)  # four actions, active, urgency
-    positions = np.zeros((count, joints, 3), np.float32)
-    orientations = np.zeros((count, joints, 3, 3), np.float32)
-    orientations[:] = np.eye(3)
+def goals_of(figure: Figure, commands: list[Command]) -> np.ndarray:
+    """The network's goals, a row of `Goals` for every character [B, G]."""
+    shapes = goal_shapes(figure.joint_count)
+    rows = np.zeros((len(commands), row_width(shapes)), np.float32)
+    goals = split_array(rows, shapes)
+    goals["pose_orientations"][:] = np.eye(3)
     for i, command in enumerate(commands):
-        numbers[i, command.action] = 1
-        numbers[i, 4:] = command.active, command.urgency
+        goals["positions"][i], goals["directions"][i] = command.places, command.directions
+        goals["action"][i, command.action] = 1
+        goals["active"][i], goals["urgency"][i] = command.active, command.urgency
         if command.seat is not None:
-            positions[i], orientations[i] = command.seat.positions, command.seat.orientations
-    of_each = torch.from_numpy(numbers)
-    return Goals(
-        positions=torch.from_numpy(np.stack([c.places for c in commands])),
-        directions=torch.from_numpy(np.stack([c.directions for c in commands])),
-        action=of_each[:, :4],
-        active=of_each[:, 4],
-        pose_positions=torch.from_numpy(positions),
-        pose_orientations=torch.from_numpy(orientations),
-        urgency=of_each[:, 5],
-    )
+            goals["pose_positions"][i] = command.seat.positions
+            goals["pose_orientations"][i] = command.seat.orientations
+    return rows

@@ -17,7 +17,8 @@ from torch import Tensor
 
 from motion.figure import Figure, Frame, orthonormal, six
 from motion.network import NetworkConfig
-from motion.state import FUTURE, KEY_STRIDE, KEYS, Characters, phase_vector
+from motion.rows import split_tensor
+from motion.state import ACTIONS, FUTURE, KEY_STRIDE, KEYS, Characters, phase_vector
 
 
 @dataclass
@@ -31,6 +32,24 @@ class Goals:
     pose_positions: Tensor  # [B, J, 3] goal pose
     pose_orientations: Tensor  # [B, J, 3, 3]
     urgency: Tensor  # [B] 0..1: how much a late arrival is drawn to the goal pose (see blending); 0 in training
+
+    @staticmethod
+    def of(rows: Tensor, joints: int) -> "Goals":
+        """A batch from the numbers of every character's goals [B, G]."""
+        return Goals(**split_tensor(rows, goal_shapes(joints)))
+
+
+def goal_shapes(joints: int) -> dict[str, tuple[int, ...]]:
+    """The shapes of a single character's goals."""
+    return {
+        "positions": (KEYS, 2),
+        "directions": (KEYS, 2),
+        "action": (len(ACTIONS),),
+        "active": (),
+        "pose_positions": (joints, 3),
+        "pose_orientations": (joints, 3, 3),
+        "urgency": (),
+    }
 
 
 @dataclass(frozen=True)

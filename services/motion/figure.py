@@ -169,10 +169,13 @@ def quaternions(matrices: Tensor) -> Tensor:
 
     `character.rotation.quat_from_matrix` in a sixth of the calls: one product gives all four of Shepperd's formulas.
     """
-    formulas = matrices.flatten(-2) @ _formulas().expand(len(matrices), -1, -1)
-    formulas = formulas.unflatten(-1, (4, 4)) + torch.eye(4)
-    best = formulas.diagonal(dim1=-2, dim2=-1).argmax(-1)  # each is good where its own component is large
-    return unit(formulas.gather(-2, best[..., None, None].expand(*best.shape, 1, 4))[..., 0, :])
+    formulas = matrices.flatten(-2) @ _formulas().expand(matrices.shape[0], -1, -1)
+    best, *others = (formulas.unflatten(-1, (4, 4)) + torch.eye(4)).unbind(-2)
+    largest = best[..., :1]
+    for i, formula in enumerate(others, start=1):  # each is good where its own component is large
+        own = formula[..., i : i + 1]
+        best, largest = torch.where(own > largest, formula, best), torch.maximum(own, largest)
+    return unit(best)
 
 
 @cache

@@ -7,7 +7,7 @@ import numpy as np
 from character.pose import Pose
 from character.skeleton import Skeleton
 from character.volume import Volume
-from character.wire import pack_float32, pack_snorm16, unpack_float32
+from character.wire import pack_float32, pack_int16, unpack_float32
 from google.protobuf.timestamp_pb2 import Timestamp
 from roam.v1 import motion_pb2, skeleton_pb2
 from serving.errors import INVALID_ARGUMENT, ServiceError
@@ -81,20 +81,20 @@ def frame_message(record: FrameRecord, session: Session, options: StreamOptions)
 def pack_frame(record: FrameRecord, floor_height: float, options: StreamOptions) -> motion_pb2.Frame:
     """A frame as the protocol has it; the character walks at 0, the floor is at `floor_height` [m]."""
     data = record.data
-    floor = np.array([0, floor_height, 0], np.float32)
+    root = data.root.copy()
+    root[1] += floor_height
     snorm16 = options.encoding == motion_pb2.ROTATION_ENCODING_SNORM16
-    contacts = sum(1 << bit for bit, touching in enumerate(data.contacts) if touching)
     frame = motion_pb2.Frame(
         sequence=record.sequence,
         time=record.sequence / FRAME_RATE,
-        root=pack_float32(np.concatenate([data.root_position + floor, data.rotations[0]])),
-        rotations=pack_snorm16(data.rotations) if snorm16 else pack_float32(data.rotations),
-        contacts=contacts,
+        root=pack_float32(root),
+        rotations=pack_int16(data.snorm16) if snorm16 else pack_float32(data.rotations),
+        contacts=int(np.packbits(data.contacts, bitorder="little")[0]),
         action=ACTIONS.index(data.action) + 1,  # type: ignore[arg-type]
         goal_distance=data.goal_distance,
     )
     if options.joint_positions:
-        frame.joint_positions = pack_float32(data.positions + floor)
+        frame.joint_positions = pack_float32(data.positions + np.array([0, floor_height, 0], np.float32))
     return frame
 
 

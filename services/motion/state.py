@@ -1,13 +1,12 @@
 """A character between two frames: small, serialisable, and stackable into one batch."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
 import torch
 from torch import Tensor
+
+from motion.rows import join, split_tensor
 
 FRAME_RATE = 30  # [Hz]
 KEY_STRIDE = 5  # frames between trajectory keys: 1/6 s
@@ -15,6 +14,7 @@ PAST = 31  # frames of history: -1 s to now
 FUTURE = 6  # keys after now: +1/6 s to +1 s
 KEYS = 13
 ACTIONS = ("idle", "walk", "sit", "lie")
+_ALONE, _OF_JOINT = 358, 12  # numbers of a character: without joints, and of every joint
 
 
 @dataclass
@@ -33,24 +33,24 @@ class Characters:
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
 
     @staticmethod
-    def stack(rows: Sequence[np.ndarray]) -> "Characters":
-        """A batch from single characters' numbers [D]."""
-        shapes = shapes_of(len(rows[0]))
-        parts = torch.from_numpy(np.stack(rows)).split([math.prod(shape) for shape in shapes.values()], 1)
-        return Characters(
-            **{name: part.view(-1, *shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
-        )
+    def of(rows: Tensor) -> "Characters":
+        """A batch from the numbers of every character [B, D]."""
+        return Characters(**split_tensor(rows, shapes_of(rows.shape[1])))
 
-    def rows(self) -> list[np.ndarray]:
-        """The numbers of every character [D], in the order of the fields; each an array of its own."""
-        parts = [part.reshape(len(self.hips), -1) for part in vars(self).values()]
-        return [row.copy() for row in torch.cat(parts, 1).numpy()]
+    def rows(self) -> Tensor:
+        """The numbers of every character [B, D], in the order of the fields."""
+        return join(vars(self))
+
+
+def characters_width(joints: int) -> int:
+    """How many numbers D a character has."""
+    return _ALONE + _OF_JOINT * joints
 
 
 @cache
 def shapes_of(width: int) -> dict[str, tuple[int, ...]]:
-    """The shapes of a single character's fields that has so many numbers D = 358 + 12 J."""
-    joints = (width - 358) // 12
+    """The shapes of a single character's fields that has so many numbers D."""
+    joints = (width - _ALONE) // _OF_JOINT
     return {
         "hips": (3,),
         "orientations": (joints, 3, 3),

@@ -4,7 +4,7 @@ import json
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,19 +13,17 @@ from character.volume import Volume
 from safetensors import safe_open
 from torch import Tensor
 
-from motion.advance import Predict, advance
 from motion.blending import WHOLE, Blending
 from motion.clearance import Furniture, furniture_of, near
 from motion.controller import Body, Control, control, goals_of
 from motion.figure import Figure, humanoid_figure
+from motion.graphs import Graphs, Shown
 from motion.intent import Goal, Idle, Intent, Steer
-from motion.living import alive, stillness
 from motion.network import MotionNetwork, NetworkConfig, Normaliser
 from motion.planner import Plan
 from motion.prediction import Prediction
 from motion.seat import Seat
 from motion.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
-from motion.swing import swinging, walking
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
@@ -92,12 +90,18 @@ def _seat(numbers: np.ndarray, joints: int, lying: bool, volume: Volume | None) 
 class FrameData:
     """One frame to show."""
 
-    root_position: np.ndarray  # [3] hips [m]
+    root: np.ndarray  # [7] hips [m], their rotation xyzw
     rotations: np.ndarray  # [J, 4] local, xyzw
+    snorm16: np.ndarray  # [J, 4] int16, the same as streams send them
     positions: np.ndarray  # [J, 3] [m]
     contacts: np.ndarray  # [4] bool
     action: str
     goal_distance: float | None  # mean joint distance to the goal pose [m], while sitting or lying down on it
+
+    @property
+    def root_position(self) -> np.ndarray:
+        """Of the hips [3] [m]."""
+        return self.root[:3]
 
 
 class Animator:
@@ -111,9 +115,8 @@ class Animator:
         starts: dict[str, Tensor],
         blending: Blending = WHOLE,
     ) -> None:
-        self.figure, self._blending = figure, blending
-        self._predict: Predict = Prediction(network, normaliser)
-        self._starts = starts
+        self.figure, self._blending, self._starts = figure, blending, starts
+        self._graphs = Graphs(figure, Prediction(network, normaliser), blending)
 
     @staticmethod
     def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
@@ -141,7 +144,7 @@ class Animator:
         x, z = float(position_xz[0]), float(position_xz[1])
         hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
         batch = _standing(self.figure, hips, orientations, float(rng.random()))
-        return CharacterState(batch.rows()[0], Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
+        return CharacterState(batch.rows()[0].numpy(), Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
     @torch.inference_mode()
     def step(
@@ -150,32 +153,28 @@ class Animator:
         """The next frame of every character, in one batch."""
         if not states:
             return []
-        characters = Characters.stack([state.row for state in states])
-        bodies = _bodies(self.figure, characters)
-        controls, commands = [], []
+        rows = np.stack([state.row for state in states])
+        bodies = [
+            Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in self._graphs.bodies(rows)
+        ]
+        memories, commands = [], []
         for state, intent, body in zip(states, intents, bodies, strict=True):
             memory, command = control(self.figure, state.control, intent, body)
-            controls.append(memory)
-            commands.append(command)
-        goals = goals_of(self.figure, commands)
-        goals.urgency *= self._blending.settling
-        around = _around(controls, bodies)
-        after, moved, _ = advance(self.figure, self._predict, characters, goals, self._blending, around)
-        clock = torch.tensor([memory.clock for memory in controls])
-        orientations = swinging(self.figure, moved, after.orientations, walking(after))
-        orientations = alive(self.figure, orientations, stillness(after), clock)
-        positions = self.figure.positions(after.hips, orientations)
-        distance = torch.linalg.vector_norm(positions - goals.pose_positions, dim=-1).mean(-1)
-        rotations = self.figure.rotations(orientations).numpy()
-        rows, places, apart = after.rows(), positions.numpy(), distance.tolist()
-        hips, contacts = after.hips.numpy(), (after.lock_weights >= 1).numpy()
-        styles = after.past[:, -1, 4:8].argmax(-1).tolist()
-        out = []
-        for i, row in enumerate(rows):
-            gap = apart[i] if commands[i].active else None
-            frame = FrameData(hips[i], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
-            out.append((CharacterState(row, controls[i]), frame))
-        return out
+            memories.append(memory)
+            commands.append(command if self._blending.settling else replace(command, urgency=0.0))
+        goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
+        shown = self._graphs.step(rows, goals, clock, _around(memories, bodies))
+        frames = _frames(shown, [command.active for command in commands])
+        after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
+        return list(zip(after, frames, strict=True))
+
+
+def _frames(shown: Shown, active: Sequence[bool]) -> list[FrameData]:
+    """One of each; those whose goal pose is `active` tell how far it is."""
+    gaps = [gap if near else None for gap, near in zip(shown.apart.tolist(), active, strict=True)]
+    actions = [ACTIONS[int(style)] for style in shown.style]
+    numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
+    return [FrameData(*parts) for parts in zip(*numbers, actions, gaps, strict=True)]
 
 
 def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
@@ -194,14 +193,6 @@ def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
-
-
-def _bodies(figure: Figure, characters: Characters) -> list[Body]:
-    """What the controller looks at."""
-    positions = figure.positions(characters.hips, characters.orientations)
-    feet = positions.index_select(1, figure.legs[:, 2])[..., ::2].mean(1)
-    rows = torch.cat([characters.past[:, -1, :4], characters.hips[:, 1:2], feet], 1).tolist()
-    return [Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in rows]
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:

@@ -20,6 +20,8 @@ Step = Callable[[Sequence[CharacterState], Sequence[Intent]], list[tuple[Charact
 Result = tuple[CharacterState, FrameData] | Exception
 
 _SWEEP_SECONDS = 1.0
+_LONGEST_WAIT = 0.7  # of a tick, from which on no frame waits to be shown
+_SLOWER, _QUICKER = 0.25, 0.01  # shares by which the pace follows steps that take longer, and less long
 _FRAMES_AHEAD = 8  # most frames of one trip to the thread, where nobody waits for the next tick
 
 
@@ -44,6 +46,23 @@ class TickerMetrics:
         )
 
 
+class Pace:
+    """How long after its tick a frame is shown: about as long as all but the slowest steps take of late.
+
+    Steps of 4 to 8 ms, each shown when it is done, would come unevenly; a reader sees a tick as even as the clock.
+    """
+
+    def __init__(self, most: float) -> None:
+        self._most = most  # [s]
+        self.after = 0.0  # [s]
+
+    def wait(self, taken: float) -> float:
+        """How much longer a frame waits that is ready `taken` after its tick [s]."""
+        share = _SLOWER if taken > self.after else _QUICKER
+        self.after = min(self.after + share * (taken - self.after), self._most)
+        return max(0.0, self.after - taken)
+
+
 class Ticker:
     """Runs as one task; sessions with REALTIME readers move on the tick, others when their readers ask."""
 
@@ -56,6 +75,7 @@ class Ticker:
         self._interval = 1 / frame_rate
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="motion-step")
         self._awake = asyncio.Event()
+        self._pace = Pace(_LONGEST_WAIT * self._interval)
         self.metrics = TickerMetrics(registry)
 
     def wake(self) -> None:
@@ -81,7 +101,7 @@ class Ticker:
             self._awake.clear()
             due, frames = self._due(tick)
             if due:
-                await self.step(due, frames)
+                await self.step(due, frames, tick=next_tick - self._interval if tick else None)
             else:
                 await self._sleep(next_tick if self._any_realtime() else next_sweep)
 
@@ -93,8 +113,11 @@ class Ticker:
         ahead = 1 if self._any_realtime() else _FRAMES_AHEAD
         return list(wanted), min([ahead, *wanted.values()])
 
-    async def step(self, sessions: Sequence[Session], frames: int = 1) -> None:
-        """Some batched steps of some sessions; a session whose step fails is ended, the others go on."""
+    async def step(self, sessions: Sequence[Session], frames: int = 1, tick: float | None = None) -> None:
+        """Some batched steps of some sessions; a session whose step fails is ended, the others go on.
+
+        Frames of a `tick` [s] are shown at an even pace.
+        """
         intents = [session.intents(frames) for session in sessions]
         states = [session.state for session in sessions]
         for session in sessions:
@@ -103,10 +126,12 @@ class Ticker:
         start = perf_counter()
         try:
             results = await loop.run_in_executor(self._executor, self._compute, states, intents)
+            self.metrics.step_seconds.observe((perf_counter() - start) / frames)
+            if tick is not None:
+                await asyncio.sleep(self._pace.wait(loop.time() - tick))
         finally:
             for session in sessions:
                 session.under_way = 0
-        self.metrics.step_seconds.observe((perf_counter() - start) / frames)
         self.metrics.ticks.inc(frames)
         self.metrics.frames.inc(sum(len(of_session) for of_session in results))
         self.metrics.batch.observe(len(sessions))

@@ -1,6 +1,7 @@
 """One event loop for uvicorn and grpc.aio: several services, two ports, one readiness, one shutdown."""
 
 import asyncio
+import gc
 import signal
 import socket
 import sys
@@ -214,6 +215,7 @@ async def _serve(services: Sequence[Service], settings: ServerSettings) -> None:
             loading.cancel()
             return
         loading.result()
+        _spare_collector()
         print(f"ready http={server.addresses.http} grpc={server.addresses.grpc}", flush=True)
         await stopping
         log.info("draining", grace=grace)
@@ -221,6 +223,16 @@ async def _serve(services: Sequence[Service], settings: ServerSettings) -> None:
             loop.remove_signal_handler(number)
     finally:
         await server.close(grace)
+
+
+def _spare_collector() -> None:
+    """Python's cycle collector passes over what is loaded, and looks at the rest seldom.
+
+    With 64 streams it would stop the event loop twice a second, for up to 20 ms.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000, 50, 20)
 
 
 def serve(services: Sequence[Service], settings: ServerSettings) -> None:

@@ -9,7 +9,7 @@ from standing import random_animator
 
 def standing():
     animator = random_animator()
-    characters = Characters.stack([animator.start((0, 0), 0.0, 0).row])
+    characters = Characters.of(torch.from_numpy(animator.start((0, 0), 0.0, 0).row)[None])
     figure = animator.figure
     return figure, characters, figure.positions(characters.hips, characters.orientations)
 
@@ -17,7 +17,7 @@ def standing():
 def planted(figure, characters, before, wanted, contacts, seated=0.0):
     feet = plant(
         figure, characters, before, wanted, characters.orientations, contacts,
-        seated=torch.tensor([seated]), floor=torch.ones(1, 4),
+        seated=torch.tensor([seated]), floor=torch.ones(1, 4), pushed=torch.zeros(1, 2, dtype=torch.bool),
     )  # fmt: skip
     characters = replace(characters)
     characters.locks, characters.lock_weights = feet.locks, feet.weights

@@ -8,7 +8,7 @@ from standing import goals_at, random_animator, seated_pose
 def standing(x=0.0, z=0.0, yaw=0.0):
     animator = random_animator()
     state = animator.start((x, z), yaw, 0)
-    return animator.figure, Characters.stack([state.row])
+    return animator.figure, Characters.of(torch.from_numpy(state.row)[None])
 
 
 def encoded(figure, characters, goals):

@@ -25,10 +25,10 @@ def played(animator, states, intents, frames=6):
 
 def test_a_batch_gives_the_same_bits_as_single_characters():
     animator = random_animator()
-    states = [animator.start((i, -i), 0.3 * i, i) for i in range(35)]
-    intents = [INTENTS[i % 4] for i in range(35)]
+    states = [animator.start((i, -i), 0.3 * i, i) for i in range(123)]
+    intents = [INTENTS[i % 4] for i in range(123)]
     together, shown = played(animator, states, intents)
-    for i in (0, 2, 17, 34):  # of every chunk that the network is asked in, the padded last one too
+    for i in (0, 63, 64, 95, 96, 111, 112, 122):  # of every size that the network is asked with, the padded one too
         alone, single = played(animator, states[i : i + 1], intents[i : i + 1])
         assert alone[0].to_bytes() == together[i].to_bytes()
         np.testing.assert_array_equal(single[-1][0].rotations, shown[-1][i].rotations)

@@ -3,10 +3,12 @@
 import asyncio
 import threading
 
+import numpy as np
 import pytest
 from motion.application import MotionApplication
 from motion.sessions import FrameRecord
 from motion.settings import MotionSettings
+from motion.ticker import Pace
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
 from walker import Place, Walker
@@ -114,3 +116,13 @@ async def test_frames_do_not_depend_on_who_else_is_stepped(application):
         await application.ticker.step([*others, together])
     for one, two in zip(alone.ring, together.ring, strict=True):
         assert one.data.root_position.tobytes() == two.data.root_position.tobytes()
+
+
+def test_frames_are_shown_evenly_however_long_steps_take():
+    taken = np.random.default_rng(0).uniform(0.004, 0.008, 600)
+    pace = Pace(most=0.02)
+    shown = np.array([duration + pace.wait(duration) for duration in taken])[300:]
+    assert shown.std() < 0.3 * taken.std()
+    assert shown.max() <= 0.0081  # nobody waits longer than slow steps take
+    assert pace.wait(0.5) == 0.0  # what is late is shown at once
+    assert pace.after <= 0.02

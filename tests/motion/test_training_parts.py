@@ -16,7 +16,7 @@ SMALL = TrainingConfig(minutes=1, experts=2, encoding=8, hidden=8)
 
 def seen(parts):
     """Inputs of a standing character with an active goal pose: all of them, and without what is missing."""
-    characters = Characters.stack([random_animator().start((0.0, 0.0), 0.0, 0).row])
+    characters = Characters.of(torch.from_numpy(random_animator().start((0.0, 0.0), 0.0, 0).row)[None])
     positions = FIGURE.positions(characters.hips, characters.orientations)
     goals = goals_at(seated_pose(ahead=1.0), 2, active=True)
     inputs = encode(FIGURE, characters, goals, positions, FIGURE.frame(positions))

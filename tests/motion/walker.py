@@ -7,6 +7,7 @@ import numpy as np
 import orjson
 from character.kinematics import forward_kinematics
 from character.skeleton import humanoid_skeleton
+from character.wire import snorm16
 from motion.step import FrameData, Goal, Idle, Steer
 
 SPEED = 0.05  # [m] per frame towards a goal
@@ -71,8 +72,9 @@ class Walker:
         root = np.array([x, rest.rest_offsets[0][1], z], np.float32)
         positions, _ = forward_kinematics(rest, root, rotations)
         frame = FrameData(
-            root_position=root,
+            root=np.concatenate([root, rotations[0]]),
             rotations=rotations,
+            snorm16=snorm16(rotations),
             positions=positions,
             contacts=np.array([True, False, True, False]),
             action=action,

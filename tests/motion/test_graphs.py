@@ -1,0 +1,58 @@
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import torch
+from motion.advance import advance
+from motion.blending import WHOLE
+from motion.controller import Command, goals_of
+from motion.features import Goals, network_config
+from motion.graphs import Graphs
+from motion.living import alive, stillness
+from motion.network import MotionNetwork, Normaliser
+from motion.prediction import Prediction
+from motion.rows import join, split_array, split_tensor
+from motion.seat import seat_of
+from motion.state import Characters
+from motion.step import Goal
+from motion.swing import swinging, walking
+from standing import random_animator, seated_pose
+
+
+@pytest.mark.parametrize("count", [1, 2, 9, 70])
+def test_graphs_do_what_the_step_of_training_does(count):
+    animator = random_animator()
+    figure = animator.figure
+    config = network_config(figure.joint_count, experts=3, encoding=16, hidden=16)
+    normaliser = Normaliser(config)
+    normaliser.get_buffer("output_std").fill_(0.01)
+    prediction = Prediction(MotionNetwork(config), normaliser)
+    states = [animator.start((0.3 * i, -0.1 * i), 0.2 * i, i) for i in range(count)]
+    seat = seat_of(figure, Goal(seated_pose(ahead=0.2)), (0.0, 0.0))
+    places, directions = np.full((13, 2), 0.4, np.float32), np.tile(np.float32([0.0, 1.0]), (13, 1))
+    commands = [Command(places, directions, 1 + i % 2, bool(i % 2), seat if i % 2 else None) for i in range(count)]
+    rows, goals, clock = (
+        np.stack([s.row for s in states]),
+        goals_of(figure, commands),
+        [s.control.clock for s in states],
+    )
+    shown = Graphs(figure, prediction, WHOLE).step(rows, goals, clock, None)
+    with torch.no_grad():
+        characters = Characters.of(torch.from_numpy(rows))
+        after, joints, _ = advance(
+            figure, prediction, characters, Goals.of(torch.from_numpy(goals), figure.joint_count)
+        )
+        orientations = swinging(figure, joints, after.orientations, walking(after))
+        orientations = alive(figure, orientations, stillness(after), torch.tensor(clock))
+    np.testing.assert_allclose(shown.rows, after.rows(), atol=2e-4)
+    np.testing.assert_allclose(shown.positions, figure.positions(after.hips, orientations), atol=1e-5)
+    np.testing.assert_allclose(shown.snorm16 / 32767, shown.rotations, atol=2e-5)
+
+
+def test_rows_keep_every_field():
+    characters = Characters.of(torch.arange(2.0 * 622).reshape(2, 622))
+    assert torch.equal(characters.rows(), torch.arange(2.0 * 622).reshape(2, 622))
+    shapes = {field.name: tuple(getattr(characters, field.name).shape[1:]) for field in fields(Characters)}
+    arrays, tensors = split_array(characters.rows().numpy(), shapes), split_tensor(characters.rows(), shapes)
+    assert all(np.array_equal(arrays[name], tensors[name]) for name in shapes)
+    assert torch.equal(join(tensors), characters.rows())
