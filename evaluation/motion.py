@@ -35,6 +35,7 @@ from evaluation.sheets import contact_sheet, top_view
 SHIPPED = Path(__file__).parents[1] / "weights" / "motion.safetensors"
 _BATCH = 16
 STUDIES = ("ablation",)
+FRAMES = {"sit": 300, "lie": 450}  # of an approach
 
 
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -165,15 +166,32 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     parts = Blending(inverse=options.without != "blending", settling=options.without is None)
     animator = Animator.load(options.weights, parts)
-    chosen: list[SeatGoal] = [goals[i % len(goals)] for i in range(options.approaches)]
+    takes = approach(animator, goals, options)
+    report = {"objects": len(goals), **judged(animator, takes, options)}
+    print(json.dumps({k: v for k, v in report.items() if k != "runs"}, indent=1))
+    if options.json:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(json.dumps(report, indent=1) + "\n")
+    if options.sheet:
+        write_sheets(options.sheet, takes)
+    return 0
+
+
+def approach(animator: Animator, goals: Sequence[SeatGoal], options: argparse.Namespace) -> list[Take]:
+    """All approaches, goal after goal, in batches."""
+    chosen = [goals[i % len(goals)] for i in range(options.approaches)]
     starts = draw_starts(chosen, spread=math.radians(options.spread), seed=options.seed)
-    frames = 450 if options.action == "lie" else 300
     takes: list[Take] = []
     for i in range(0, len(chosen), _BATCH):
-        takes += run(animator, chosen[i : i + _BATCH], starts[i : i + _BATCH], frames=frames)
+        takes += run(animator, chosen[i : i + _BATCH], starts[i : i + _BATCH], frames=FRAMES[options.action])
+    return takes
+
+
+def judged(animator: Animator, takes: list[Take], options: argparse.Namespace) -> dict[str, object]:
+    """All figures of the takes."""
+    frames = FRAMES[options.action]
     runs = [judge(animator.figure, take, frames=frames) for take in takes]
-    report = {
-        "objects": len(goals),
+    report: dict[str, object] = {
         "action": options.action,
         "frames": frames,
         "starts": f"2-4 m away, within {options.spread:g} degrees of the front, heading within 30 degrees",
@@ -187,13 +205,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         report["beside"] = beside_clips(animator.figure, takes, options.clips)
     if options.speed:
         report["step_ms"] = {str(n): step_time(animator, n) for n in (1, 8, 32)}
-    print(json.dumps({k: v for k, v in report.items() if k != "runs"}, indent=1))
-    if options.json:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(report, indent=1) + "\n")
-    if options.sheet:
-        write_sheets(options.sheet, takes)
-    return 0
+    return report
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ _FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) a
 # [m] the pelvis gives way at most per frame: walking, where more would sink it into a lunge with every stride (people's
 # hips bob by 2 to 3 cm), and otherwise.
 _YIELD = 0.006, 0.02
-_STROLL = 0.2, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
+_STROLL = 0.5, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
 
