@@ -3,12 +3,16 @@
 Goal poses are synthesised on the objects of a folder; each is approached from several starts, 2-4 m away (paper, 4.2).
 
     python -m evaluation.motion --objects DIR --json FILE [--sheet FILE.png] [--approaches 100] [--spread 180] …
+
+A further study, with options of its own: `roam evaluate motion ablation`.
 """
 
 import argparse
+import importlib
 import json
 import math
 import platform
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -20,6 +24,7 @@ from motion.blending import Blending
 from motion.figure import Figure, humanoid_figure
 from motion.step import Animator, Steer
 
+from evaluation import motion_gait
 from evaluation.goalpose_objects import find_objects
 from evaluation.motion_clips import features_of, read_tracks
 from evaluation.motion_goals import SeatGoal, make_goals
@@ -29,6 +34,8 @@ from evaluation.sheets import contact_sheet, top_view
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "motion.safetensors"
 _BATCH = 16
+STUDIES = ("ablation",)
+FRAMES = {"sit": 300, "lie": 450}  # of an approach
 
 
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -101,6 +108,7 @@ def beside_clips(figure: Figure, takes: Sequence[Track], folders: Sequence[Path]
         "held_out_clips": motion_figures(figure, held_out),
         "walking_frechet_to_held_out": round(frechet(features_of(figure, takes), real), 2),
         "walking_frechet_of_training_clips": round(frechet(features_of(figure, kept), real), 2),
+        "steady_walking": motion_gait.beside(figure, takes, held_out, kept),
     }
 
 
@@ -144,7 +152,11 @@ def write_sheets(path: Path, takes: list[Take]) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the evaluation; 0 when it ran, whatever the figures."""
-    options = parse(argv)
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    if arguments and arguments[0] in STUDIES:
+        ran: int = importlib.import_module(f"evaluation.motion_{arguments[0]}").main(arguments[1:])
+        return ran
+    options = parse(arguments)
     torch.set_num_threads(1)
     categories = set(options.categories.split(",")) if options.categories else None
     objects = find_objects(options.objects, categories=categories, held_out=())[: options.limit or None]
@@ -154,15 +166,32 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     parts = Blending(inverse=options.without != "blending", settling=options.without is None)
     animator = Animator.load(options.weights, parts)
-    chosen: list[SeatGoal] = [goals[i % len(goals)] for i in range(options.approaches)]
+    takes = approach(animator, goals, options)
+    report = {"objects": len(goals), **judged(animator, takes, options)}
+    print(json.dumps({k: v for k, v in report.items() if k != "runs"}, indent=1))
+    if options.json:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(json.dumps(report, indent=1) + "\n")
+    if options.sheet:
+        write_sheets(options.sheet, takes)
+    return 0
+
+
+def approach(animator: Animator, goals: Sequence[SeatGoal], options: argparse.Namespace) -> list[Take]:
+    """All approaches, goal after goal, in batches."""
+    chosen = [goals[i % len(goals)] for i in range(options.approaches)]
     starts = draw_starts(chosen, spread=math.radians(options.spread), seed=options.seed)
-    frames = 450 if options.action == "lie" else 300
     takes: list[Take] = []
     for i in range(0, len(chosen), _BATCH):
-        takes += run(animator, chosen[i : i + _BATCH], starts[i : i + _BATCH], frames=frames)
+        takes += run(animator, chosen[i : i + _BATCH], starts[i : i + _BATCH], frames=FRAMES[options.action])
+    return takes
+
+
+def judged(animator: Animator, takes: list[Take], options: argparse.Namespace) -> dict[str, object]:
+    """All figures of the takes."""
+    frames = FRAMES[options.action]
     runs = [judge(animator.figure, take, frames=frames) for take in takes]
-    report = {
-        "objects": len(goals),
+    report: dict[str, object] = {
         "action": options.action,
         "frames": frames,
         "starts": f"2-4 m away, within {options.spread:g} degrees of the front, heading within 30 degrees",
@@ -176,13 +205,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         report["beside"] = beside_clips(animator.figure, takes, options.clips)
     if options.speed:
         report["step_ms"] = {str(n): step_time(animator, n) for n in (1, 8, 32)}
-    print(json.dumps({k: v for k, v in report.items() if k != "runs"}, indent=1))
-    if options.json:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(report, indent=1) + "\n")
-    if options.sheet:
-        write_sheets(options.sheet, takes)
-    return 0
+    return report
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from motion.figure import Figure
 from motion.state import FRAME_RATE
 
 _WALKING = 0.3  # [m/s] root speed from which a frame counts as walking
+_UPRIGHT = 0.8  # [m] hips of somebody who walks: hips that sit down or rise are as fast
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +49,9 @@ def speeds(track: Track) -> np.ndarray:
 
 
 def walking_features(figure: Figure, track: Track) -> np.ndarray:
-    """Joints and their velocities in the root's frame [N, 6 J] [m], [m/s], of the frames that walk."""
+    """Joints and their velocities in the root's frame [N, 6 J] [m], [m/s], of the frames that walk upright."""
     walks = np.flatnonzero(speeds(track) > _WALKING) + 5
+    walks = walks[track.positions[walks, 0, 1] > _UPRIGHT]
     positions = torch.tensor(track.positions[walks], dtype=torch.float32)
     moved = torch.tensor(track.positions[walks] - track.positions[walks - 1], dtype=torch.float32) * FRAME_RATE
     frame = figure.frame(positions)

@@ -27,7 +27,10 @@ _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
 _FLATTEST = 0.99  # share of a foot's length that it covers of the floor at most
 _REACH = 0.998  # share of the leg's length that counts as straight
 _FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) and when seated
-_YIELD = 0.02  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
+# [m] the pelvis gives way at most per frame: walking, where more would sink it into a lunge with every stride (people's
+# hips bob by 2 to 3 cm), and otherwise.
+_YIELD = 0.006, 0.02
+_STROLL = 0.5, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
 
@@ -72,7 +75,7 @@ def plant(
     toes = last[:, 1::2]
     arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
     arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
-    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle)
+    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle, _yielding(characters))
     return Planted(hips, _feet_turned(figure, reached, arms), locks, weights)
 
 
@@ -161,14 +164,22 @@ def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
     return before + step * (most / vector_norm(step, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
 
 
-def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) -> tuple[Tensor, Tensor]:
-    """Hips and orientations with both ankles at `ankle` [B, 2, 3]; the pelvis gives way when a leg is too short."""
+def _yielding(characters: Characters) -> Tensor:
+    """How far the pelvis may give way [B, 1, 1] [m]: little for those who walk, and go on walking for a second."""
+    way = vector_norm(characters.future[:, -1, :2] - characters.past[:, -1, :2], dim=-1)
+    walking = characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
+    return (_YIELD[1] + (_YIELD[0] - _YIELD[1]) * walking)[:, None, None]
+
+
+def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor, most: Tensor) -> tuple[Tensor, Tensor]:
+    """Hips and orientations with both ankles at `ankle` [B, 2, 3]; the pelvis gives way, by at `most` so much [B, 1, 1]
+    [m], when a leg is too short."""
     joints = figure.positions(hips, orientations)
     thigh, shin, foot = (figure.legs[:, i] for i in range(3))
     length = figure.lengths[shin] + figure.lengths[foot]
     stretch = ankle - joints[:, thigh]
     reach = vector_norm(stretch, dim=-1, keepdim=True).clamp_min(1e-6)
-    excess = (reach - _REACH * length[:, None]).clamp(0.0, _YIELD) * stretch / reach
+    excess = (reach - _REACH * length[:, None]).clamp_min(0.0).minimum(most) * stretch / reach
     size = vector_norm(excess, dim=-1, keepdim=True)
     shift = torch.where(size[:, 0] > size[:, 1], excess[:, 0], excess[:, 1])
     hips, joints = hips + shift, joints + shift[:, None]

@@ -12,15 +12,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from motion.advance import Proposal, cleared, propose, sense, settle
+from motion.advance import Predict, Proposal, cleared, propose, sense, settle
 from motion.blending import Blending
 from motion.clearance import Furniture
 from motion.features import Goals, goal_shapes
 from motion.figure import Figure
 from motion.living import alive, stillness
-from motion.prediction import Prediction
 from motion.rows import join, row_width, split_array
 from motion.state import Characters, characters_width
+from motion.swing import swinging, walking
 from motion.torchscript import running, traced
 
 _EXAMPLES = 2  # characters that the graphs are traced with; they hold for any number
@@ -44,7 +44,7 @@ class Shown:
 class Graphs:
     """Functions of characters' numbers; the same bits whatever else is in the batch."""
 
-    def __init__(self, figure: Figure, prediction: Prediction, blending: Blending) -> None:
+    def __init__(self, figure: Figure, prediction: Predict, blending: Blending) -> None:
         self._figure, self._shapes = figure, _shown_shapes(figure.joint_count)
         widths = [characters_width(figure.joint_count), row_width(goal_shapes(figure.joint_count)), 1]
 
@@ -62,8 +62,8 @@ class Graphs:
 
         def shown(numbers: Tensor, pushed: Tensor, *proposal: Tensor) -> tuple[Tensor, Tensor]:
             characters, goals, clock = inputs(numbers)
-            after, _ = settle(figure, characters, Proposal(*proposal), pushed)
-            return _shown(figure, after, goals.pose_positions, clock)
+            after, joints = settle(figure, characters, Proposal(*proposal), pushed)
+            return _shown(figure, after, joints, goals.pose_positions, clock)
 
         def stepped(numbers: Tensor) -> tuple[Tensor, Tensor]:
             proposal, pushed = cleared(figure, Proposal(*proposed(numbers)), None)
@@ -102,9 +102,10 @@ def _bodies(figure: Figure, characters: Characters) -> Tensor:
     return torch.cat([characters.past[:, -1, :4], characters.hips[:, 1:2], feet], 1)
 
 
-def _shown(figure: Figure, after: Characters, goal: Tensor, clock: Tensor) -> tuple[Tensor, Tensor]:
-    """Rows of characters and of `_shown_shapes` side by side; rotations as int16."""
-    orientations = alive(figure, after.orientations, stillness(after), clock)
+def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, clock: Tensor) -> tuple[Tensor, Tensor]:
+    """Rows of characters, whose `joints` are [B, J, 3], and of `_shown_shapes` side by side; rotations as int16."""
+    orientations = swinging(figure, joints, after.orientations, walking(after))
+    orientations = alive(figure, orientations, stillness(after), clock)
     positions = figure.positions(after.hips, orientations)
     rotations = figure.rotations(orientations)
     frame = {

@@ -15,6 +15,7 @@ from motion.rows import join, split_array, split_tensor
 from motion.seat import seat_of
 from motion.state import Characters
 from motion.step import Goal
+from motion.swing import swinging, walking
 from standing import random_animator, seated_pose
 
 
@@ -38,8 +39,11 @@ def test_graphs_do_what_the_step_of_training_does(count):
     shown = Graphs(figure, prediction, WHOLE).step(rows, goals, clock, None)
     with torch.no_grad():
         characters = Characters.of(torch.from_numpy(rows))
-        after, _, _ = advance(figure, prediction, characters, Goals.of(torch.from_numpy(goals), figure.joint_count))
-        orientations = alive(figure, after.orientations, stillness(after), torch.tensor(clock))
+        after, joints, _ = advance(
+            figure, prediction, characters, Goals.of(torch.from_numpy(goals), figure.joint_count)
+        )
+        orientations = swinging(figure, joints, after.orientations, walking(after))
+        orientations = alive(figure, orientations, stillness(after), torch.tensor(clock))
     np.testing.assert_allclose(shown.rows, after.rows(), atol=2e-4)
     np.testing.assert_allclose(shown.positions, figure.positions(after.hips, orientations), atol=1e-5)
     np.testing.assert_allclose(shown.snorm16 / 32767, shown.rotations, atol=2e-5)

@@ -18,6 +18,7 @@ from motion.features import Inputs, network_config, widths
 from motion.figure import Figure
 from motion.network import MotionNetwork, Normaliser
 from motion.training.dataset import Dataset
+from motion.training.parts import WHOLE, Parts
 from motion.training.rollout import Rollout
 
 # Blocks that carry the motion on (hips, feet) and single numbers among hundreds count more.
@@ -32,6 +33,7 @@ class TrainingConfig:
     """One run; written to its folder."""
 
     minutes: float
+    updates: int | None = None  # the run's length, whatever time that takes; None: `minutes`
     seed: int = 0
     batch: int = 256  # examples per update
     rollouts: int = 192  # characters rolled out side by side
@@ -80,6 +82,8 @@ class Learner:
     averaged: MotionNetwork
     normaliser: Normaliser
     optimiser: torch.optim.Optimizer
+    joints: int
+    parts: Parts = WHOLE
     seconds: float = 0.0
     updates: int = 0
 
@@ -117,22 +121,22 @@ class Learner:
         network, normaliser = self.averaged if averaged else self.network, self.normaliser
 
         def call(inputs: Inputs) -> Tensor:
-            parts = [normaliser.apply_to(n, getattr(inputs, n)) for n in ("frame", "goal", "gating")]
-            return normaliser.undo("output", network(*parts))
+            columns = [normaliser.apply_to(n, getattr(inputs, n)) for n in ("frame", "goal", "gating")]
+            return normaliser.undo("output", network(*columns))
 
-        return call
+        return self.parts.of(self.joints, call)
 
 
-def make_learner(figure: Figure, config: TrainingConfig) -> Learner:
+def make_learner(figure: Figure, config: TrainingConfig, parts: Parts = WHOLE) -> Learner:
     """A fresh network and optimiser."""
     torch.manual_seed(config.seed)
     sizes = {"experts": config.experts, "encoding": config.encoding, "hidden": config.hidden}
     shape = network_config(figure.joint_count, **sizes)
-    network = MotionNetwork(shape)
+    network = parts.network(shape)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.rate, weight_decay=config.decay, betas=(0.9, 0.99), fused=True
     )
-    return Learner(network, copy.deepcopy(network), Normaliser(shape), optimiser)
+    return Learner(network, copy.deepcopy(network), Normaliser(shape), optimiser, figure.joint_count, parts)
 
 
 @torch.no_grad()
@@ -165,8 +169,8 @@ def _inverse_columns(figure: Figure) -> slice:
     return slice(start, start + sizes["inverse_positions"] + sizes["inverse_axes"])
 
 
-def column_weights(figure: Figure) -> Tensor:
-    """Loss weight of every output column, mean one."""
+def column_weights(figure: Figure, without: Parts = WHOLE) -> Tensor:
+    """Loss weight of every output column, mean one; nought `without` the part that it belongs to."""
     parts = []
     for name, width in widths(figure.joint_count).items():
         weight = torch.full((width,), _BLOCK_WEIGHTS.get(name, 1.0))
@@ -178,7 +182,7 @@ def column_weights(figure: Figure) -> Tensor:
                 joints[figure.contacts] = _FEET_WEIGHT
         parts.append(weight)
     weights = torch.cat(parts)
-    return weights / weights.mean()
+    return weights / weights.mean() * ~without.missing(figure.joint_count)
 
 
 def learn(
@@ -209,6 +213,13 @@ def learn(
         with torch.no_grad():
             torch._foreach_lerp_(list(learner.averaged.parameters()), list(learner.network.parameters()), 1 - share)
     return float(loss.detach())
+
+
+def progress_of(learner: Learner, config: TrainingConfig) -> float:
+    """The share of the run that is over."""
+    if config.updates is not None:
+        return learner.updates / config.updates
+    return learner.seconds / (60 * config.minutes)
 
 
 def horizon_at(progress: float, config: TrainingConfig) -> float:
@@ -248,15 +259,14 @@ def train(
 ) -> None:
     """Trains until `config.minutes` have passed or a signal comes; checkpoint and curves every `every` seconds."""
     generator = torch.Generator().manual_seed(config.seed + learner.updates)
-    rollout = Rollout(figure, dataset, config.rollouts, generator)
+    rollout = Rollout(figure, dataset, config.rollouts, generator, learner.parts)
     if learner.updates == 0:
         fit_normaliser(learner, rollout)
-    memory, weights, stop = Memory(config.memory), column_weights(figure), Stop()
+    memory, weights, stop = Memory(config.memory), column_weights(figure, learner.parts), Stop()
     begin, before, saved = time.monotonic(), learner.seconds, time.monotonic()
     losses: list[float] = []
     aways: list[float] = []
-    while not stop.wanted and learner.seconds < 60 * config.minutes:
-        progress = learner.seconds / (60 * config.minutes)
+    while not stop.wanted and (progress := progress_of(learner, config)) < 1:
         for group in learner.optimiser.param_groups:
             group["lr"] = rate_at(progress, config)
         with torch.no_grad():
@@ -276,7 +286,7 @@ def train(
 
 
 def _progress(learner: Learner, config: TrainingConfig, losses: list[float], aways: list[float]) -> str:
-    left = config.minutes - learner.seconds / 60
+    left = (1 / max(progress_of(learner, config), 1e-6) - 1) * learner.seconds / 60
     loss, away = sum(losses) / len(losses), 100 * sum(aways) / len(aways)
     return f"update {learner.updates}  loss {loss:.4f}  off the track {away:.1f} cm  {left:.1f} min left"
 

@@ -22,7 +22,7 @@ from motion.training.loop import Learner, TrainingConfig, config_json, make_lear
 from motion.training.validation import rollout_scores
 from motion.training.weights import export
 
-_EMPHASIS = 2.0  # sitting down and rising are short but hard
+EMPHASIS = 2.0  # sitting down and rising are short but hard
 _OWN_FOLDERS = ("cmu_footlock", "derived_seat", "derived_lie")
 
 
@@ -33,11 +33,9 @@ def own_data() -> Path:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="roam train motion", description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--bvh", action="append", type=Path, metavar="DIR", help="folder of BVH files (repeatable)")
+    add_data_options(parser)
     parser.add_argument("--out", type=Path, default=Path("runs/motion"), help="folder of this run")
     parser.add_argument("--minutes", type=float, default=90.0, help="training time")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by evaluation.motion_goals")
     parser.add_argument("--resume", action="store_true", help="go on from the run's latest checkpoint")
     parser.add_argument("--init", type=Path, metavar="WEIGHTS", help="begin with published weights (.safetensors)")
     parser.add_argument("--threads", type=int, default=1, help="torch threads; one is best on a busy machine")
@@ -49,9 +47,26 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--hidden", type=int, default=TrainingConfig.hidden)
     parser.add_argument("--encoding", type=int, default=TrainingConfig.encoding)
     parser.add_argument("--horizon", type=float, default=TrainingConfig.horizon)
-    parser.add_argument("--cache", type=Path, default=Path("runs/cache"), help="where prepared data are kept")
     parser.add_argument("--export", type=Path, help="write the best checkpoint as .safetensors here when done")
     return parser
+
+
+def add_data_options(parser: argparse.ArgumentParser) -> None:
+    """The options that `library_of` reads."""
+    parser.add_argument("--bvh", action="append", type=Path, metavar="DIR", help="folder of BVH files (repeatable)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by evaluation.motion_goals")
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"), help="where prepared data are kept")
+
+
+def library_of(options: argparse.Namespace) -> LibraryConfig | None:
+    """What data are asked for; None, with a word on it, when there are none."""
+    folders = options.bvh or [own_data() / name for name in _OWN_FOLDERS]
+    missing = [f for f in folders if not f.is_dir()]
+    if missing:
+        print(f"no such folder: {', '.join(map(str, missing))}; give --bvh DIR or set ROAM_DATA")
+        return None
+    return LibraryConfig(tuple(map(str, folders)), options.goals and str(options.goals), options.seed)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -59,16 +74,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     torch.set_num_threads(options.threads)
     figure = humanoid_figure()
-    folders = options.bvh or [own_data() / name for name in _OWN_FOLDERS]
-    missing = [f for f in folders if not f.is_dir()]
-    if missing:
-        print(f"no such folder: {', '.join(map(str, missing))}; give --bvh DIR or set ROAM_DATA")
+    library = library_of(options)
+    if library is None:
         return 2
-    library = LibraryConfig(tuple(map(str, folders)), options.goals and str(options.goals), options.seed)
     print("preparing the data (cached afterwards) …", flush=True)
     dataset, held_out, summary = load_library(figure, library, options.cache)
     print(json.dumps(summary), flush=True)
-    dataset = dataset.emphasised(_EMPHASIS)
+    dataset = dataset.emphasised(EMPHASIS)
     config = _config(options)
     run: Path = options.out
     run.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ from motion.figure import Figure
 from motion.state import Characters
 from motion.training.dataset import Dataset
 from motion.training.expert import returning
+from motion.training.parts import WHOLE, Parts
 
 _LOST = 0.6  # [m] root difference at which a roll-out starts again elsewhere
 
@@ -18,8 +19,10 @@ _LOST = 0.6  # [m] root difference at which a roll-out starts again elsewhere
 class Rollout:
     """B characters following episodes; start frames are drawn by weight, the present difference is carried along."""
 
-    def __init__(self, figure: Figure, dataset: Dataset, batch: int, generator: torch.Generator) -> None:
-        self.figure, self.dataset, self.generator = figure, dataset, generator
+    def __init__(
+        self, figure: Figure, dataset: Dataset, batch: int, generator: torch.Generator, parts: Parts = WHOLE
+    ) -> None:
+        self.figure, self.dataset, self.generator, self.parts = figure, dataset, generator, parts
         self._cumulative = dataset.weight.double().cumsum(0)
         self.at = self._draw(batch)
         self.characters = dataset.characters(figure, self.at)
@@ -36,7 +39,7 @@ class Rollout:
         truth, ahead = self.dataset.characters(figure, self.at), self.dataset.targets(figure, self.at)
         positions = figure.positions(characters.hips, characters.orientations)
         root = figure.frame(positions)
-        inputs = encode(figure, characters, goals, positions, root)
+        inputs = self.parts.seen(encode(figure, characters, goals, positions, root))
         targets = returning(figure, characters, positions, truth, ahead)
         return inputs, encode_targets(figure, characters, goals, positions, root, targets), goals.active
 
@@ -47,7 +50,7 @@ class Rollout:
         Returns the mean root difference from the data [m].
         """
         goals = self.dataset.goals(self.at)
-        after, positions, _ = advance(self.figure, predict, self.characters, goals)
+        after, positions, _ = advance(self.figure, predict, self.characters, goals, self.parts.blending())
         self.at = self.at + 1
         away = (positions[:, 0, [0, 2]] - self.dataset.root[self.at, :2]).norm(dim=-1)
         again = torch.rand(len(self.at), generator=self.generator) < 1 / horizon

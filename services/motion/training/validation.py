@@ -6,23 +6,24 @@ from torch import Tensor
 from motion.advance import Predict, advance
 from motion.figure import Figure
 from motion.training.dataset import Dataset
+from motion.training.parts import WHOLE, Parts
 
 _FRAMES = 120
 _CHARACTERS = 96
 
 
-def starts(dataset: Dataset, generator: torch.Generator) -> Tensor:
+def starts(dataset: Dataset, generator: torch.Generator, count: int = _CHARACTERS) -> Tensor:
     """Fixed start frames, drawn by weight, that leave room for a whole roll-out where the episode allows."""
     cumulative = dataset.weight.double().cumsum(0)
-    at = torch.searchsorted(
-        cumulative, torch.rand(_CHARACTERS, generator=generator, dtype=torch.float64) * cumulative[-1]
-    )
+    at = torch.searchsorted(cumulative, torch.rand(count, generator=generator, dtype=torch.float64) * cumulative[-1])
     at = at.clamp_max(len(dataset) - 1)
     return torch.maximum(torch.minimum(at, dataset.last[at] - _FRAMES), dataset.first[at])
 
 
 @torch.no_grad()
-def rollout_scores(figure: Figure, dataset: Dataset, predict: Predict, generator: torch.Generator) -> dict[str, float]:
+def rollout_scores(
+    figure: Figure, dataset: Dataset, predict: Predict, generator: torch.Generator, parts: Parts = WHOLE
+) -> dict[str, float]:
     """Four seconds from many held-out states.
 
     Returns metres: `root` mean root difference, `pose` mean joint difference in the root frame, `goal` mean joint
@@ -34,7 +35,7 @@ def rollout_scores(figure: Figure, dataset: Dataset, predict: Predict, generator
     roots, poses, goals, slides = [], [], [], []
     previous = figure.positions(characters.hips, characters.orientations)
     for _ in range(_FRAMES):
-        characters, positions, distance = advance(figure, predict, characters, dataset.goals(at))
+        characters, positions, distance = advance(figure, predict, characters, dataset.goals(at), parts.blending())
         running = at < dataset.last[at]
         at = torch.minimum(at + 1, dataset.last[at])
         truth = figure.positions(dataset.hips[at], dataset.orientations[at])

@@ -1,0 +1,53 @@
+"""Arms of those who walk swing farther, and nobody else's."""
+
+import torch
+from motion.state import Characters
+from motion.swing import swinging, walking
+from standing import random_animator
+
+
+def hanging(ahead=0.5):
+    """A standing body whose left arm hangs this far in front [rad], and its joints."""
+    animator = random_animator()
+    figure = animator.figure
+    characters = Characters.of(torch.from_numpy(animator.start((0.4, 1.0), 0.8, 0).row)[None])
+    sign = {"left": 1.0, "right": -1.0}
+    for side in sign:
+        for part in ("UpperArm", "LowerArm", "Hand"):
+            joint = figure.skeleton.index(f"{side}{part}")
+            down = torch.tensor([[0.0, sign[side], 0.0], [-sign[side], 0.0, 0.0], [0.0, 0.0, 1.0]])
+            c, s = torch.tensor(ahead).cos(), torch.tensor(ahead).sin()
+            forth = torch.tensor([[1.0, 0, 0], [0, c, s], [0, -s, c]])
+            characters.orientations[:, joint] = characters.orientations[:, 0] @ forth @ down
+    return figure, characters, figure.positions(characters.hips, characters.orientations)
+
+
+def angles(figure, hips, orientations):
+    """How far both hands are in front of their shoulders [rad]."""
+    positions = figure.positions(hips, orientations)
+    local = figure.frame(positions).points_in(positions)
+    names = figure.skeleton
+    reach = (
+        local[:, names.indices(["leftHand", "rightHand"])] - local[:, names.indices(["leftUpperArm", "rightUpperArm"])]
+    )
+    return torch.atan2(reach[..., 2], -reach[..., 1])[0]
+
+
+def test_an_arm_in_front_of_where_it_hangs_swings_farther_to_the_front():
+    for ahead, sign in ((0.5, 1), (0.0, -1)):
+        figure, characters, positions = hanging(ahead)
+        before = angles(figure, characters.hips, characters.orientations)
+        after = angles(figure, characters.hips, swinging(figure, positions, characters.orientations, torch.ones(1)))
+        torch.testing.assert_close(before, torch.full((2,), ahead), atol=0.02, rtol=0)
+        assert bool((sign * (after - before) > 0.03).all())
+
+
+def test_who_does_not_walk_is_left_alone():
+    figure, characters, positions = hanging()
+    same = swinging(figure, positions, characters.orientations, torch.zeros(1))
+    torch.testing.assert_close(same, characters.orientations)
+    assert float(walking(characters)) == 0.0
+    characters.past[:, -1, 4:8] = torch.tensor([0.0, 1.0, 0.0, 0.0])
+    assert float(walking(characters)) == 1.0
+    characters.blend[:] = 1.0
+    assert float(walking(characters)) == 0.0
