@@ -23,6 +23,7 @@ WIDEST_PERCH = 0.30  # [m^2] what is larger, as high that legs dangle and withou
 
 
 NO_SEAT, NARROW = 0.10, 0.18  # [m] across: a rail or an edge holds nobody up, a beam is for perching
+NO_BED = 0.45  # [m] across: nobody lies on the top of a back rest, or across a chair
 TABLE_LIKE = 0.53  # [m] across: what is as wide and has no back is a low table's top, or a bed's
 ROLLS = 0.20  # [m] across what touches the floor: a ball, a log, a single post
 
@@ -115,7 +116,7 @@ def _implausible(values: dict[str, float]) -> bool:
     dangling = values.get("floor_distance", 0.0) > 0.2 and values.get("lean_miss", 1.0) > 0.06
     on_table = dangling and values["seat_area"] > WIDEST_PERCH
     on_step = "floor_distance" in values and values["seat_height"] < LOWEST_SEAT
-    on_edge = sits(values) and values["seat_breadth"] < NO_SEAT
+    on_edge = values["seat_breadth"] < (NO_SEAT if sits(values) else NO_BED)
     return not held or on_table or on_step or on_edge or values["penetration_depth"] > 0.1
 
 

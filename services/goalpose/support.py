@@ -15,6 +15,7 @@ _DROP, _RISE = 0.04, 0.08  # [m] below and above the hips' seat where its surfac
 _WAYS = 12  # across the seat, over half a turn
 _FARTHEST = 2.0  # [m] from the object's middle, where it is looked for on the floor
 _TOUCH = 0.005  # [m] what is this near to the floor touches it
+_SHORT_FOOT, _WIDE_BASE = 0.02, 0.40  # [m]
 _SHEET = 0.008  # [m] from a surface: steps of a centimetre downwards shall not miss a thin one
 
 
@@ -59,8 +60,17 @@ def _breadth(hips: Tensor, target: Target, top: float) -> float:
 
 
 def base_breadth(target: Target) -> float:
-    """The narrowest way across the hull of what touches the floor [m]; 0 when it touches along a line at most."""
-    touching = _touching(target)
+    """The narrowest way across the hull of what touches the floor [m]; 0 when it touches along a line at most.
+
+    Feet that are a little short count too where they make the base a wide one; what is round is never so wide there.
+    """
+    wide = _breadth_at(target, _SHORT_FOOT)
+    return wide if wide > _WIDE_BASE else _breadth_at(target, _TOUCH)
+
+
+def _breadth_at(target: Target, reach: float) -> float:
+    """The same of what is within `reach` [m] of a plane as high over the floor."""
+    touching = _touching(target, reach)
     try:
         hull = ConvexHull(touching)
     except (QhullError, ValueError):
@@ -69,10 +79,10 @@ def base_breadth(target: Target) -> float:
     return float(np.ptp(corners @ normals.T, axis=0).min()) + _STEP
 
 
-def _touching(target: Target) -> npt.NDArray[np.float64]:
+def _touching(target: Target, reach: float) -> npt.NDArray[np.float64]:
     """Places `[K, 2]` [m] on the floor, in the object's own axes, on which it stands."""
     steps = torch.arange(-_FARTHEST, _FARTHEST, _STEP)
     x, z = torch.meshgrid(steps, steps, indexing="ij")
-    floor = torch.stack([x, torch.full_like(x, target.floor_height + _TOUCH), z], dim=-1)
-    there = target.distance.query(floor) <= _TOUCH
+    floor = torch.stack([x, torch.full_like(x, target.floor_height + reach), z], dim=-1)
+    there = target.distance.query(floor) <= reach
     return torch.stack([x[there], z[there]], dim=-1).double().numpy()

@@ -52,6 +52,8 @@ def test_lying_across_the_top_of_a_back_rest_is_reported(synthesizer):
     perched = warn(values | {"contacts_met": 0.5})  # a two-seater 1.5 m wide, without the legs' support
     assert [warning.reason for warning in perched] == ["NO_PLAUSIBLE_POSE"]
     assert warn(values | {"contacts_met": 0.5, "trunk_rise": 0.45}) == ()
+    on_top = warn(values | {"seat_breadth": 0.2})  # of a back rest as broad as that, on which all contacts may be met
+    assert [warning.reason for warning in on_top] == ["NO_PLAUSIBLE_POSE"]
 
 
 def test_lying_on_a_sofa_stays_on_the_sofa(synthesizer):
