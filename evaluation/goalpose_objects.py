@@ -20,6 +20,7 @@ LEFT_OUT = frozenset({"bed"})
 ONE_SEAT = frozenset({"chair", "armchair", "officechair", "barstool", "stool", "lounger"})
 # What is generated when real meshes are too few, in turn; twice as many chairs as the others, as among real ones.
 GENERATED = ("chair", "armchair", "sofa", "chair", "stool", "officechair", "bench", "barstool")
+TO_LIE_ON = ("bed", "lounger")  # generated where they are named
 
 
 @dataclass(frozen=True)
@@ -99,8 +100,9 @@ def find_objects(
 
 
 def generated_objects(count: int, *, categories: set[str] | None) -> list[EvaluationObject]:
-    """Generated pieces whose seeds field training keeps for itself to be tested with."""
+    """Generated pieces whose seeds field training keeps for itself to be tested with; beds and loungers if named."""
     kinds = [kind for kind in GENERATED if categories is None or kind in categories]
+    kinds += [kind for kind in TO_LIE_ON if categories and kind in categories]
     found = []
     for k in range(count if kinds else 0):
         kind, seed = kinds[k % len(kinds)], HELD_OUT_SEEDS + k

@@ -86,7 +86,7 @@ class Run:
 
     def record(self) -> dict[str, Any]:
         """For JSON."""
-        values: dict[str, Any] = _rounded(asdict(self))
+        values: dict[str, Any] = rounded(asdict(self))
         return values | {"success": self.success, "strict": self.strict, "strict_flat": self.strict_flat}
 
     def line(self) -> str:
@@ -111,13 +111,13 @@ def runs_from(records: Iterable[dict[str, Any]]) -> list[Run]:
     return [run_from(record) for record in records]
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
     """Four digits after the point: tenths of millimetres, hundredths of degrees."""
     if isinstance(value, float):
         return round(value, 4)
     if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
-    return [_rounded(item) for item in value] if isinstance(value, list | tuple) else value
+        return {key: rounded(item) for key, item in value.items()}
+    return [rounded(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def run_case(

@@ -49,28 +49,28 @@ def figures(runs: list[Run]) -> dict[str, Any]:
     return {
         "objects": len(objects),
         "runs": len(runs),
-        "success": _share(run.success for run in runs),
+        "success": share(run.success for run in runs),
         "success_from_every_heading": round(len(steady) / len(objects), 4),
-        "strict": _share(run.strict for run in runs),
-        "strict_with_feet_on_any_floor": _share(run.strict_flat for run in runs),
-        "hip_distance_m": _spread(run.hip_distance for run in runs),
-        "heading_error_deg": _spread(
+        "strict": share(run.strict for run in runs),
+        "strict_with_feet_on_any_floor": share(run.strict_flat for run in runs),
+        "hip_distance_m": spread_of(run.hip_distance for run in runs),
+        "heading_error_deg": spread_of(
             None if run.heading_error is None else np.degrees(run.heading_error) for run in runs
         ),
-        "lateral_m": _spread(run.lateral for run in runs),
-        "penetration_m": _spread(run.penetration for run in runs),
+        "lateral_m": spread_of(run.lateral for run in runs),
+        "penetration_m": spread_of(run.penetration for run in runs),
         "penetration_curve": {str(t): share for t, share in zip(DEPTHS, curve, strict=True)},
         "penetration_auc": area(curve),
-        "floor_m": _spread(run.floor for run in runs),
-        "floor_without_hanging_m": _spread(
+        "floor_m": spread_of(run.floor for run in runs),
+        "floor_without_hanging_m": spread_of(
             None if run.floor is None else max(0.0, run.floor - run.hang) for run in runs
         ),
-        "turn_error_m": _spread(run.turn_error for run in runs),
-        "turned_within_1cm": _share(run.turn_error <= 0.01 for run in runs if run.turn_error is not None),
-        "warned": _share(bool(run.warnings) for run in runs),
-        "energy": _spread(run.energies["total"] for run in runs),
-        "seconds": _spread(run.seconds for run in runs),
-        "cpu_seconds": _spread(run.cpu_seconds for run in runs),
+        "turn_error_m": spread_of(run.turn_error for run in runs),
+        "turned_within_1cm": share(run.turn_error <= 0.01 for run in runs if run.turn_error is not None),
+        "warned": share(bool(run.warnings) for run in runs),
+        "energy": spread_of(run.energies["total"] for run in runs),
+        "seconds": spread_of(run.seconds for run in runs),
+        "cpu_seconds": spread_of(run.cpu_seconds for run in runs),
     }
 
 
@@ -85,12 +85,14 @@ def area(curve: list[float]) -> float:
     return round(float(np.trapezoid(curve) / (len(curve) - 1)), 4)
 
 
-def _share(values: Iterable[bool]) -> float | None:
+def share(values: Iterable[bool]) -> float | None:
+    """How many of the values are true, of 1; None without values."""
     found = list(values)
     return round(sum(found) / len(found), 4) if found else None
 
 
-def _spread(values: Iterable[float | None]) -> dict[str, float] | None:
+def spread_of(values: Iterable[float | None]) -> dict[str, float] | None:
+    """Median and upper percentiles of the values that are known; None without any."""
     found = np.array([v for v in values if v is not None])
     if not len(found):
         return None

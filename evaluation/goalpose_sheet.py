@@ -1,6 +1,8 @@
 """Contact sheets of judged goal poses: one picture of every object, drawn from the records."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 from character.pose import Pose
 from goalpose.objects import Shape, load_shape
@@ -11,9 +13,29 @@ from evaluation.ledger import Record
 from evaluation.picture import Pixels, body_splats, cloud_splats, contact_sheet, mark_deep, object_splats, scene_views
 
 
-def write_sheets(path: Path, objects: list[EvaluationObject], records: list[Record], *, per_sheet: int = 24) -> None:
-    """The first run of every object, `per_sheet` to a picture."""
-    first = {record["object"]: run_from(record) for record in reversed(records)}
+class Judged(Protocol):
+    """A pose with a line that says how good it is."""
+
+    @property
+    def pose(self) -> Pose:
+        """On the canonical object."""
+        ...
+
+    def line(self) -> str:
+        """For the terminal."""
+        ...
+
+
+def write_sheets(
+    path: Path,
+    objects: list[EvaluationObject],
+    records: list[Record],
+    *,
+    per_sheet: int = 24,
+    read: Callable[[Record], Judged] = run_from,
+) -> None:
+    """The first run of every object, `per_sheet` to a picture; `read` makes runs of records."""
+    first = {record["object"]: read(record) for record in reversed(records)}
     cells = []
     for item in objects:
         if item.name in first:

@@ -12,6 +12,7 @@ from goalpose.energy.penetration import penetration_depths
 from goalpose.energy.prior import canonical_positions
 from goalpose.energy.total import ReferenceModel, Target
 from goalpose.reference_model import height_above_surface
+from goalpose.support import seat_measures
 
 MET = 0.03  # [m] a contact closer than this is met
 DEEP = 0.05  # [m]
@@ -19,14 +20,19 @@ OFF_FLOOR = 0.05  # [m]
 LOWEST_SEAT = 0.20  # [m] over the floor; lower ones are steps
 LYING = 0.25  # [m] that the neck is over the hips at most of whoever lies
 WIDEST_PERCH = 0.30  # [m^2] what is larger, as high that legs dangle and without a back is a table
-_CELL, _REACH, _SAG, _SLAT = 0.05, 0.50, 0.08, 0.03  # [m] of the grid that looks for the seat around the hips
+
+
+NO_SEAT, NARROW = 0.10, 0.18  # [m] across: a rail or an edge holds nobody up, a beam is for perching
+NO_BED = 0.45  # [m] across: nobody lies on the top of a back rest, or across a chair
+TABLE_LIKE = 0.53  # [m] across: what is as wide and has no back is a low table's top, or a bed's
+ROLLS = 0.20  # [m] across what touches the floor: a ball, a log, a single post
 
 
 @dataclass(frozen=True)
 class PoseWarning:
     """Why a pose is doubtful."""
 
-    reason: str  # NO_PLAUSIBLE_POSE, DEEP_PENETRATION or FEET_OFF_FLOOR
+    reason: str  # NO_PLAUSIBLE_POSE, DEEP_PENETRATION, FEET_OFF_FLOOR, NARROW_SEAT, UNSTEADY_SEAT, TABLE_LIKE_SEAT
     message: str
     remedy: str
 
@@ -37,8 +43,8 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
     `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
     reference stands on it); `floor_reach`: how high the feet hang over the floor where the seat is higher than the
-    reference's and nothing else changes; `seat_height` over the floor, and `seat_area` [m^2] that is
-    level with it in a metre's square about the hips; `heading`; `contacts_met`: weighted share; `support_miss`,
+    reference's and nothing else changes; `seat_height`, `seat_area`, `seat_breadth`, `base_breadth`: see `support`;
+    `heading`; `contacts_met`: weighted share; `support_miss`,
     `lean_miss`: median distance of the body from what holds it from below and from behind; `trunk_rise`: height of the
     neck over the hips; `pose_change`: mean joint distance from the reference's canonical pose; `limit_excess`: the
     joint angle furthest outside its bounds.
@@ -61,7 +67,7 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
         }
         joints = figure.positions[0, figure.skeleton.indices(["hips", "neck"]), 1]
         values["trunk_rise"] = float(joints[1] - joints[0])
-        values |= _seat(figure, target, float(figure.root_position[0, 1]) - hip_height)
+        values |= seat_measures(figure, target, float(figure.root_position[0, 1]) - hip_height)
         leaning = contacts.group[0] == LEAN
         if leaning.any():
             values["lean_miss"] = float(misses[leaning].median())
@@ -69,17 +75,6 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
             values["floor_distance"] = float(misses[on_floor].max())
             values["floor_reach"] = _floor_reach(figure, model, target)
     return values
-
-
-def _seat(figure: Figure, target: Target, top: float) -> dict[str, float]:
-    """The surface that holds the first pose, whose `top` [m] lies below the hips: how high and how large."""
-    steps = torch.arange(-_REACH, _REACH + 0.5 * _CELL, _CELL)
-    drops = torch.arange(_SAG, -_SAG - 0.01, -0.02)
-    x, y, z = torch.meshgrid(steps, drops, steps, indexing="ij")
-    hips = figure.root_position[0]
-    column = torch.stack([hips[0] + x, top + y, hips[2] + z], dim=-1)
-    level = (target.distance.query(column) <= _SLAT).any(1)  # slats and strings with gaps between them too
-    return {"seat_height": top - target.floor_height, "seat_area": float(level.sum()) * _CELL**2}
 
 
 def _floor_reach(figure: Figure, model: ReferenceModel, target: Target) -> float:
@@ -114,14 +109,40 @@ def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
 
 
 def _implausible(values: dict[str, float]) -> bool:
-    """Not held from below, hips off the surface, through the object, on a step, or on a table with dangling legs and no
-    back behind."""
-    least = 0.6 if values["trunk_rise"] < LYING else 0.25  # who lies needs all of the bed: a back rest's top is none
+    """Not held from below, hips off the surface, through the object, on a step, on an edge, or on a table with dangling
+    legs and no back behind."""
+    least = 0.6 if not sits(values) else 0.25  # who lies needs all of the bed: a back rest's top is none
     held = values["support_miss"] < 0.06 and values["contacts_met"] > least and values["hip_seat_distance"] < 0.12
     dangling = values.get("floor_distance", 0.0) > 0.2 and values.get("lean_miss", 1.0) > 0.06
     on_table = dangling and values["seat_area"] > WIDEST_PERCH
     on_step = "floor_distance" in values and values["seat_height"] < LOWEST_SEAT
-    return not held or on_table or on_step or values["penetration_depth"] > 0.1
+    on_edge = values["seat_breadth"] < (NO_SEAT if sits(values) else NO_BED)
+    return not held or on_table or on_step or on_edge or values["penetration_depth"] > 0.1
+
+
+def sits(values: dict[str, float]) -> bool:
+    """Whether these are the diagnostics of a trunk that is upright, and held by a seat rather than a bed."""
+    return values["trunk_rise"] >= LYING
+
+
+def _poor_seat(values: dict[str, float]) -> list[PoseWarning]:
+    """What is wrong with a seat that holds a body all the same."""
+    found = []
+    breadth, base = values["seat_breadth"], values["base_breadth"]
+    if breadth < NARROW:
+        message = f"What holds the hips is only {100 * breadth:.0f} cm across: people perch on it."
+        found.append(PoseWarning("NARROW_SEAT", message, "Check the object's unit, or choose something wider."))
+    if base < ROLLS:
+        message = (
+            f"The object touches the floor with {100 * base:.0f} cm only: it may roll or tip over with its sitter."
+        )
+        found.append(PoseWarning("UNSTEADY_SEAT", message, "Fine if it is fixed in its place."))
+    if breadth > TABLE_LIKE and values.get("lean_miss", 1.0) > 0.06:
+        message = (
+            f"The person sits without a back rest on a level top at least {100 * breadth:.0f} cm across, as of a table."
+        )
+        found.append(PoseWarning("TABLE_LIKE_SEAT", message, "Fine for beds, daybeds and large stools."))
+    return found
 
 
 def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:
@@ -151,4 +172,6 @@ def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:
                 "Expected on high seats; otherwise check the object's unit.",
             )
         )
+    if sits(values) and not _implausible(values):
+        found += _poor_seat(values)
     return tuple(found)

@@ -52,6 +52,8 @@ def test_lying_across_the_top_of_a_back_rest_is_reported(synthesizer):
     perched = warn(values | {"contacts_met": 0.5})  # a two-seater 1.5 m wide, without the legs' support
     assert [warning.reason for warning in perched] == ["NO_PLAUSIBLE_POSE"]
     assert warn(values | {"contacts_met": 0.5, "trunk_rise": 0.45}) == ()
+    on_top = warn(values | {"seat_breadth": 0.2})  # of a back rest as broad as that, on which all contacts may be met
+    assert [warning.reason for warning in on_top] == ["NO_PLAUSIBLE_POSE"]
 
 
 def test_lying_on_a_sofa_stays_on_the_sofa(synthesizer):
@@ -154,6 +156,49 @@ def test_a_bar_stool_without_a_back_is_a_seat_from_which_feet_hang(synthesizer):
     assert [warning.reason for warning in result.warnings] == ["FEET_OFF_FLOOR"]
     assert result.diagnostics["seat_height"] == pytest.approx(0.72, abs=0.02)
     assert result.diagnostics["seat_area"] == pytest.approx(0.42**2, abs=0.06)  # the slack for slats on either side
+
+
+def slab(width: float, depth: float, height: float) -> trimesh.Trimesh:
+    """A board on four legs."""
+    x, z = np.array([-width, width - 0.1]) / 2, np.array([-depth, depth - 0.1]) / 2
+    legs = [box(np.array([a, 0.0, b]), np.array([a + 0.05, height, b + 0.05])) for a in x for b in z]
+    top = box(np.array([-width / 2, height - 0.04, -depth / 2]), np.array([width / 2, height, depth / 2]))
+    return trimesh.util.concatenate([top, *legs])
+
+
+def rail(width: float) -> trimesh.Trimesh:
+    """A beam at sitting height on two posts that are wider than it."""
+    posts = [box(np.array([x, 0.0, -0.2]), np.array([x + 0.1, 0.4, 0.2])) for x in (-0.8, 0.7)]
+    beam = box(np.array([-0.8, 0.38, -width / 2]), np.array([0.8, 0.45, width / 2]))
+    return trimesh.util.concatenate([beam, *posts])
+
+
+def ball(radius: float) -> trimesh.Trimesh:
+    """A ball on the floor."""
+    return trimesh.creation.icosphere(4, radius).apply_translation([0.0, radius, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("mesh", "reasons"),
+    [
+        pytest.param(slab(1.1, 0.6, 0.32), ["TABLE_LIKE_SEAT"], id="coffee table"),
+        pytest.param(slab(1.1, 0.6, 0.45), ["TABLE_LIKE_SEAT"], id="higher coffee table"),
+        pytest.param(slab(1.2, 0.38, 0.45), [], id="bench"),
+        pytest.param(slab(0.4, 0.4, 0.45), [], id="stool"),
+        pytest.param(ball(0.275), ["UNSTEADY_SEAT"], id="ball"),
+        pytest.param(ball(0.325), ["UNSTEADY_SEAT"], id="larger ball"),
+        pytest.param(rail(0.06), ["NO_PLAUSIBLE_POSE"], id="rail"),
+        pytest.param(rail(0.13), ["NARROW_SEAT"], id="beam"),
+    ],
+)
+def test_a_poor_seat_is_called_one(synthesizer, mesh, reasons):
+    result = synthesizer.synthesize(load_shape(mesh.export(file_type="glb"), "glb"), GoalPoseRequest())
+    assert [w.reason for w in result.warnings if w.reason != "FEET_OFF_FLOOR"] == reasons
+
+
+def test_who_lies_is_not_asked_for_a_seat(synthesizer):
+    values = synthesizer.synthesize(pair("sofa_lie").shape, GoalPoseRequest(action="lie")).diagnostics
+    assert warn(values | {"seat_breadth": 2.0, "lean_miss": 1.0, "base_breadth": 0.0}) == ()
 
 
 @pytest.mark.parametrize("name", ["chair_sit", "office_sit", "stool_sit", "bench_sit", "sofa_sit"])

@@ -24,6 +24,21 @@ def test_box_without_underside_is_solid() -> None:
     assert label_mesh(open_box).distance(np.array([[0.0, 0.2, 0.0]]))[0] < -0.1
 
 
+def test_an_upholstered_body_without_an_underside_is_solid_on_its_feet_too() -> None:
+    """Air would come in from below, a hand's breadth over the floor; under a table there is room for legs."""
+    feet = [(x, z) for x in (-0.35, 0.35) for z in (-0.3, 0.3)]
+
+    def standing(low: float, height: float) -> trimesh.Trimesh:
+        move = trimesh.transformations.translation_matrix
+        body = trimesh.creation.box((0.8, height, 0.7), move((0, low + height / 2, 0)))
+        hull = trimesh.Trimesh(body.vertices, body.faces[body.face_normals[:, 1] > -0.5])
+        legs = [trimesh.creation.box((0.05, low, 0.05), move((x, low / 2, z))) for x, z in feet]
+        return trimesh.util.concatenate([hull, *legs])
+
+    assert label_mesh(standing(0.12, 0.3)).distance(np.array([[0.0, 0.3, 0.0]]))[0] < -0.08
+    assert label_mesh(standing(0.60, 0.1)).distance(np.array([[0.0, 0.3, 0.0]]))[0] > 0.2
+
+
 def test_sheet_is_as_thick_as_its_skin_only() -> None:
     sheet = trimesh.Trimesh(
         [(-0.3, 0.5, -0.3), (0.3, 0.5, -0.3), (0.3, 0.5, 0.3), (-0.3, 0.5, 0.3)], [(0, 1, 2), (0, 2, 3)]

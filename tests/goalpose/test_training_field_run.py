@@ -143,6 +143,21 @@ def test_command_line() -> None:
     assert (config.minutes, config.seed, config.categories, config.objects) == (5.0, 3, ("chair", "sofa"), ())
 
 
+def test_a_run_can_begin_with_published_weights(tmp_path: Path) -> None:
+    weights = tmp_path / "field.safetensors"
+    torch.manual_seed(3)
+    published = Field(SMALL)
+    published.save(weights)
+    config, resume = parse(["--procedural-only", "--init", str(weights), "--out", str(tmp_path / "run")])
+    assert not resume
+    assert config.network == SMALL
+    assert config.rate < TrainingConfig(out="").rate
+    run = Run(config)
+    for mine, theirs in zip(run.averaged.parameters(), published.parameters(), strict=True):
+        assert torch.equal(mine, theirs)
+    assert read_config(run.folder) == config
+
+
 def test_publishing_replaces_its_own_section_only() -> None:
     card = "# Model card\n\n## Descriptor field\n\nold\n\n## Motion\n\nkept\n"
     changed = replace_section(card, "## Descriptor field\n\nnew\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +18,9 @@ from goalpose.objects.limits import Limits
 from goalpose.objects.reading import read_geometry
 from goalpose.objects.shape import Shape, ShapeWarning
 from goalpose.objects.surface import sample_surface
+from goalpose.objects.tilt import FARTHEST, Tilt, find_tilt, stands, surface_centre
 from goalpose.objects.units import check_unit, choose_unit
-from goalpose.objects.upright import UpGuess, choose_up
+from goalpose.objects.upright import choose_up
 from goalpose.objects.voxels import choose_pitch, signed_distance
 
 _THINNEST = 0.02  # [m] no furniture's box is thinner
@@ -54,21 +56,49 @@ def shape_of(geometry: Geometry, *, unit: str | None = None, up: str | None = No
         warnings.append(ShapeWarning("OBJECT_UNIT_UNSURE", unit_guess.doubt))
     scaled = replace(geometry, vertices=geometry.vertices * unit_guess.metres)
     _check_box(scaled.vertices)
-    up = up or scaled.up
-    if up is None:
-        up_guess = _guess_up(scaled)
-        up = up_guess.up
-        if up_guess.doubt:
-            warnings.append(ShapeWarning("OBJECT_UP_UNSURE", up_guess.doubt))
-    rotation = up_rotation(up)
+    rotation, doubts = _find_up(scaled, given=up)
+    warnings += doubts
     transform = np.eye(4)
     transform[:3, :3] = rotation * unit_guess.metres
     return _assemble(replace(scaled, vertices=scaled.vertices @ rotation.T), transform, tuple(warnings))
 
 
-def _guess_up(scaled: Geometry) -> UpGuess:
+def _find_up(scaled: Geometry, *, given: str | None) -> tuple[Array, list[ShapeWarning]]:
+    """The rotation `[3, 3]` to +Y up, and what is doubtful about it; an axis that the caller gives is obeyed."""
+    warnings = []
+    up = given or scaled.up
+    if up is None:
+        up_guess = choose_up(*_samples(scaled))
+        up = up_guess.up
+        if up_guess.doubt:
+            warnings.append(ShapeWarning("OBJECT_UP_UNSURE", up_guess.doubt))
+    rotation = up_rotation(up)
+    tilt = _tilt(scaled, rotation, farthest=FARTHEST if given or scaled.up else math.pi)
+    if tilt is None:
+        return rotation, warnings
+    turned = tilt.sure and given is None
+    told = f"The object does not stand: it leans by {math.degrees(tilt.angle):.0f}°. "
+    told += "It was set on its feet." if turned else "It was left so; set it on its feet if it should stand."
+    warnings.append(ShapeWarning("OBJECT_TILTED", told))
+    return (tilt.turn @ rotation if turned else rotation), warnings
+
+
+def _tilt(scaled: Geometry, rotation: Array, *, farthest: float) -> Tilt | None:
+    """What is missing for a mesh to stand, once `rotation` `[3, 3]` is applied; None when it stands or is a cloud."""
+    if scaled.faces is None:
+        return None
+    vertices = scaled.vertices @ rotation.T
+    centre = surface_centre(vertices[scaled.faces])
+    if stands(vertices, centre):
+        return None
+    points, normals = _samples(scaled)
+    return find_tilt(vertices, points @ rotation.T, normals @ rotation.T, centre=centre, farthest=farthest)
+
+
+def _samples(scaled: Geometry) -> tuple[Array, Array]:
+    """Shuffled samples of the surface [m] and their normals of either sign, both `[N, 3]` in the file's axes."""
     samples, surface = sample_surface(scaled, choose_pitch(np.ptp(scaled.vertices, axis=0)))
-    return choose_up(samples.points, surface.normals if samples.normals is None else samples.normals)
+    return samples.points, np.asarray(surface.normals if samples.normals is None else samples.normals, np.float64)
 
 
 def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...]) -> Shape:

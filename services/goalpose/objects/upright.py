@@ -79,12 +79,20 @@ def choose_up(points: Array, normals: Directions) -> UpGuess:
 
 def upright_score(points: Array, normals: Directions, up: str) -> float:
     """How much an object looks like furniture on its feet when `up` points up: log-odds, comparable between axes."""
-    return float(describe(points, normals, up) @ np.array(list(WEIGHTS.values())))
+    return score_turned(points, normals, up_rotation(up))
+
+
+def score_turned(points: Array, normals: Directions, rotation: Array) -> float:
+    """The same for an object that `rotation` `[3, 3]` sets on its feet."""
+    return float(_features(points, normals, rotation) @ np.array(list(WEIGHTS.values())))
 
 
 def describe(points: Array, normals: Directions, up: str) -> Array:
     """The features `[K]` of an object [m] standing with its axis `up` upwards, named by `WEIGHTS`."""
-    rotation = up_rotation(up)
+    return _features(points, normals, up_rotation(up))
+
+
+def _features(points: Array, normals: Directions, rotation: Array) -> Array:
     points = points[:_POINTS] @ rotation.T
     points = points - points.min(axis=0)
     level = np.abs(normals[:_POINTS] @ rotation[1])

@@ -120,7 +120,7 @@ def _outside(free: Mask, *, level: int, pitch: float) -> Mask:
     """Free nodes that are not enclosed. `level` is the last layer of nodes below the floor."""
     air = free.copy()
     air[:, : level + 1] = False
-    walled = _walled(air, ~free, level=level, pitch=pitch)
+    walled = walled_in(air, ~free, level=level, pitch=pitch)
     # What is behind walled nodes is cut off too: pockets between a hollow and its walls.
     air &= ~walled
     labels, count = ndimage.label(air)
@@ -135,8 +135,12 @@ def _open_sides() -> list[tuple[slice | int, ...]]:
     return [(0,), (-1,), (everything, everything, 0), (everything, everything, -1), (everything, -1)]
 
 
-def _walled(air: Mask, wall: Mask, *, level: int, pitch: float) -> Mask:
-    """Air that is walled in on four sides and above, in hollows that reach down near the floor (or end on a wall)."""
+def walled_in(air: Mask, wall: Mask, *, level: int, pitch: float) -> Mask:
+    """Air that is walled in on four sides and above, in hollows that reach down near the floor (or end on a wall).
+
+    `level` is the last layer of nodes `[X, Y, Z]` below the floor, `pitch` their spacing [m]. The labels that the field
+    is trained with take the same hollows for body.
+    """
     seen = air.copy()
     for axis in (0, 2):
         seen &= np.logical_or.accumulate(wall, axis=axis)

@@ -43,6 +43,8 @@ log = structlog.get_logger()
 
 EVALUATE_EVERY = 360.0
 """Seconds between evaluations on held-out shapes; each also writes a checkpoint."""
+INIT_RATE = 3e-4
+"""Highest learning rate where a run begins with published weights."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +66,8 @@ class TrainingConfig:
     rate_end: float = 2e-5
     average: float = 0.999
     """Decay of the running mean of the weights, which is what gets published."""
+    init: str | None = None
+    """Published weights to begin with, whose sizes count then; the network begins at random without."""
     network: FieldConfig = field(default_factory=FieldConfig)
 
 
@@ -76,6 +80,8 @@ class Run:
         self.folder.mkdir(parents=True, exist_ok=True)
         torch.manual_seed(config.seed)
         self.field = Field(config.network)
+        if config.init is not None:
+            self.field.load_state_dict(Field.load(config.init).state_dict())
         self.averaged = Field(config.network).requires_grad_(False)
         self.averaged.load_state_dict(self.field.state_dict())
         self.optimiser = torch.optim.AdamW(
@@ -266,6 +272,7 @@ def parse(argv: Sequence[str]) -> tuple[TrainingConfig, bool]:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", default="runs/field", metavar="RUN", help="folder of the run")
     parser.add_argument("--data", default="runs/field-data", metavar="DIR", help="where prepared examples are kept")
+    parser.add_argument("--init", metavar="WEIGHTS", help="begin with published weights (.safetensors)")
     parser.add_argument("--resume", metavar="RUN", help="continue this run")
     args = parser.parse_args(argv)
     if args.resume:
@@ -279,7 +286,12 @@ def parse(argv: Sequence[str]) -> tuple[TrainingConfig, bool]:
         procedural=args.procedural,
         data=args.data,
     )
-    return config, False
+    return (begun_from(config, args.init) if args.init else config), False
+
+
+def begun_from(config: TrainingConfig, weights: str) -> TrainingConfig:
+    """The configuration for going on from published weights: their sizes, and smaller steps than from scratch."""
+    return replace(config, init=weights, rate=INIT_RATE, network=Field.load(weights).config)
 
 
 def read_config(folder: Path) -> TrainingConfig:

@@ -4,6 +4,10 @@ Ray parity and winding numbers need closed surfaces, which three quarters of fre
 inside if it is within a few millimetres of the surface (thin plates are solid), or if air poured in from outside
 cannot reach it: voxels near the surface are a barrier, dilated by one voxel so that small gaps close, and the floor is
 a barrier too, because many sofas have no underside.
+
+Those that stand on feet besides are open a hand's breadth over the floor, and chests and bed frames have slits: what is
+walled in on four sides and above and reaches down near the floor counts as body here as it does in the distance grid
+that the solver keeps bodies out of (`objects/voxels.py`). A board, a shell or a frame has no inside but its skin.
 """
 
 from __future__ import annotations
@@ -16,6 +20,8 @@ import trimesh
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
+
+from goalpose.objects.voxels import walled_in
 
 Array = NDArray[np.float64]
 
@@ -67,15 +73,19 @@ def label_mesh(mesh: trimesh.Trimesh, *, seed: int = 0, pitch: float | None = No
     for part in range(int(np.ceil(12.0 * mesh.area / step**2 / wanted))):
         points = samples if part == 0 else trimesh.sample.sample_surface(mesh, wanted, seed=seed + part)[0]
         surface[tuple(np.floor((points - origin) / step).astype(int).T)] = True
-    return MeshLabels(samples, _enclosed(surface, floor=MARGIN), origin, step)
+    return MeshLabels(samples, _enclosed(surface, floor=MARGIN, pitch=step), origin, step)
 
 
-def _enclosed(surface: NDArray[np.bool_], *, floor: int) -> NDArray[np.bool_]:
-    """Voxels that cannot be reached from outside without crossing the surface or the floor."""
+def _enclosed(surface: NDArray[np.bool_], *, floor: int, pitch: float) -> NDArray[np.bool_]:
+    """Voxels that cannot be reached from outside without crossing the surface, the floor or a hollow of the body.
+
+    `floor` is the number of layers below the floor, `pitch` the size of a voxel [m].
+    """
     barrier = ndimage.binary_dilation(surface)
     barrier[:, :floor] = True
-    regions, _ = ndimage.label(~barrier)
+    hollow = walled_in(~barrier, ndimage.binary_dilation(surface), level=floor - 1, pitch=pitch)
+    regions, _ = ndimage.label(~barrier & ~hollow)
     outside = regions == regions[0, -1, 0]
-    outside = ndimage.binary_dilation(outside, mask=~surface, iterations=1)
+    outside = ndimage.binary_dilation(outside, mask=~surface & ~hollow, iterations=1)
     outside[:, :floor] = True
     return ~outside & ~surface
