@@ -103,8 +103,12 @@ class GoalPoseService:
         settings = _synthesizer_settings(self._settings)
         if not self._settings.workers:
             return Synthesizer.load(settings)
-        threads = self._settings.torch_threads
-        self._pool = SynthesizerPool(settings, processes=self._settings.workers, torch_threads=threads)
+        self._pool = SynthesizerPool(
+            settings,
+            processes=self._settings.workers,
+            lanes=self._settings.worker_lanes,
+            torch_threads=self._settings.torch_threads,
+        )
         return self._pool
 
     def _loaded_jobs(self) -> Jobs:

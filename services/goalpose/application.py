@@ -84,9 +84,8 @@ class GoalPoseApplication:
         self._answers = RecentCache[str, goal_pose_pb2.GoalPose](settings.result_cache)
         self._solving: dict[str, Solving[Progress, goal_pose_pb2.GoalPose]] = {}
         self._reading = ComputeQueue("upload", limit=settings.upload_limit, registry=registry)
-        self._computing = ComputeQueue(
-            "synthesis", limit=settings.queue_limit, registry=registry, threads=max(1, settings.workers)
-        )
+        at_once = max(1, settings.workers * settings.worker_lanes)
+        self._computing = ComputeQueue("synthesis", limit=settings.queue_limit, registry=registry, threads=at_once)
         self._hits = Counter("roam_goalpose_cache_hits", "Answers from the cache.", registry=registry)
         self._rejected = Counter("roam_goalpose_uploads_rejected", "Uploads refused.", ("reason",), registry=registry)
         self._seconds = Histogram(

@@ -1,13 +1,13 @@
 """A batch of candidate poses and how good each is."""
 
-from collections import Counter
+import math
 from dataclasses import dataclass
 
 import torch
 from character.pose import Pose
 from torch import Tensor
 
-from goalpose.energy.figure import Figure, figure_concat
+from goalpose.energy.figure import Figure, figure_concat, figure_where
 
 TOO_DEEP, SUNK = 0.03, 30.0  # [m], [1/m]: a capsule a centimetre deeper than this counts as much as 0.3 of energy
 
@@ -36,11 +36,20 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.energy)
 
-    def picked(self, index: Tensor) -> "Candidates":
+    def picked(self, index: Tensor | slice) -> "Candidates":
         """Some of them, in the order of `index`."""
         terms = {name: term[index] for name, term in self.terms.items()}
         deepest = self.deepest[index] if isinstance(self.deepest, Tensor) else self.deepest
         return Candidates(self.figure[index], self.reference[index], self.energy[index], terms, deepest)
+
+    def replaced(self, won: Tensor, better: "Candidates") -> "Candidates":
+        """The better ones where they `won` [B]."""
+        return Candidates(
+            figure_where(won, better.figure, self.figure),
+            self.reference,
+            torch.where(won, better.energy, self.energy),
+            {name: torch.where(won, term, self.terms[name]) for name, term in better.terms.items()},
+        )
 
     def ranked(self) -> "Candidates":
         """Best first."""
@@ -80,17 +89,19 @@ def distinct(
     Looks at the best thirty times `count` only.
     """
     order = torch.argsort(candidates.fit, stable=True)[: 30 * count]
-    reference = candidates.reference[order]
-    root, yaw = candidates.figure.root_position[order], facing_yaw(candidates.figure[order])
-    turn = yaw[:, None] - yaw[None]
-    near = torch.linalg.vector_norm(root[:, None] - root[None], dim=-1) < reach
-    alike = near & (torch.atan2(turn.sin(), turn.cos()).abs() < angle) & (reference[:, None] == reference)
-    same, owner, taken = alike.numpy(), reference.tolist(), Counter[int]()
-    kept: list[int] = []
-    for i in range(len(order)):
-        if not same[i, kept].any() and (each is None or taken[owner[i]] < each):
-            kept.append(i)
-            taken[owner[i]] += 1
-            if len(kept) == count:
+    figure = candidates.figure[order]
+    roots, yaws = figure.root_position.tolist(), facing_yaw(figure).tolist()
+    kept: dict[int, list[int]] = {}  # of each reference, places in `order`
+    chosen: list[int] = []
+    for i, reference in enumerate(candidates.reference[order].tolist()):
+        mine = kept.setdefault(reference, [])
+        alike = any(
+            math.dist(roots[i], roots[k]) < reach and abs(math.remainder(yaws[i] - yaws[k], math.tau)) < angle
+            for k in mine
+        )
+        if not alike and (each is None or len(mine) < each):
+            mine.append(i)
+            chosen.append(i)
+            if len(chosen) == count:
                 break
-    return order[kept]
+    return order[chosen]

@@ -79,18 +79,4 @@ def _better(best: Candidates | None, now: Candidates) -> Candidates:
     """Per candidate the better of two iterates."""
     if best is None:
         return now
-    won = now.energy < best.energy
-
-    def pick(new: Tensor, old: Tensor) -> Tensor:
-        return torch.where(won.reshape(-1, *[1] * (new.dim() - 1)), new, old)
-
-    a, b = now.figure, best.figure
-    figure = Figure(
-        a.skeleton,
-        pick(a.root_position, b.root_position),
-        pick(a.rotations, b.rotations),
-        pick(a.positions, b.positions),
-        pick(a.orientations, b.orientations),
-    )
-    terms = {n: pick(t, best.terms[n]) for n, t in now.terms.items()}
-    return Candidates(figure, now.reference, pick(now.energy, best.energy), terms)
+    return best.replaced(now.energy < best.energy, now)

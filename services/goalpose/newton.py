@@ -2,154 +2,23 @@
 
 Some 70 unknowns and a few hundred residuals: one step costs little more than one gradient of the descriptors, and a
 dozen steps do what hundreds of Adam steps do. Levenberg's damping is kept per candidate; a step that does not lower
-the energy is taken back.
+the energy is taken back. Several requests can share their steps: a batch twice as large costs far less than two.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 import torch
-from character.rotation import quat_from_rotvec, quat_mul, quat_normalize
+from character.rotation import quat_from_rotvec, quat_normalize
 from torch import Tensor
 
 from goalpose.candidates import Candidates
-from goalpose.energy.angle_limit import angle_limit, excess_and_motion
-from goalpose.energy.chain import Chain
-from goalpose.energy.clearance import clearance
-from goalpose.energy.constraint import constraint, constraint_misses, constraint_motion
-from goalpose.energy.contact import contact
-from goalpose.energy.descriptor import descriptor_rows
-from goalpose.energy.facing import carried_front, facing
-from goalpose.energy.figure import Figure, figure_from_pose
-from goalpose.energy.floor import floor
-from goalpose.energy.gravity import carried_up, gravity, upright_joints
-from goalpose.energy.penetration import penetration
-from goalpose.energy.prior import prior, prior_motion
-from goalpose.energy.rows import Bend, Rows, rows_concat, rows_of, weighed
-from goalpose.energy.self_collision import self_collision_rows
-from goalpose.energy.symmetry import symmetry, symmetry_motion
-from goalpose.energy.total import ReferenceModel, Settings, Target, probe_weights
+from goalpose.energy.figure import Figure, figure_concat, figure_from_pose, product
+from goalpose.energy.total import ReferenceModel, Settings, Target, models_joined
+from goalpose.expansion import Expansion, Quadratic, expand, quadratic_concat, quadratic_where
+from goalpose.joined import targets_joined
 
 LONGEST_SHIFT, LARGEST_TURN = 0.06, 0.25  # [m], [rad] in one step
-
-
-@dataclass(frozen=True, eq=False)
-class Quadratic:
-    """The energy around B poses: value, gradient, Gauss-Newton matrix."""
-
-    energy: Tensor  # [B]
-    terms: dict[str, Tensor]  # [B] each
-    gradient: Tensor  # [B, N]
-    matrix: Tensor  # [B, N, N]
-
-
-@dataclass(frozen=True, eq=False)
-class Expansion:
-    """The terms gathered so far, with first and (Gauss-Newton) second order in the first `free` unknowns."""
-
-    free: int
-    terms: dict[str, Tensor]  # weighted, [B] each
-    rows: list[Rows]
-
-    def add(self, name: str, energy: Tensor, rows: Rows) -> None:
-        """Notes a weighted term."""
-        self.terms[name] = energy
-        self.rows.append(rows)
-
-    def bend(self, name: str, bend: Bend, motion: Tensor) -> None:
-        """Notes a weighted term of scalars that move by `motion` [B, K, N]."""
-        self.add(name, bend.energy, rows_of(bend, motion[..., : self.free]))
-
-    def quadratic(self) -> Quadratic:
-        """All terms together."""
-        motion, slope, stiffness = rows_concat(self.rows)
-        gradient = (slope[:, None] @ motion)[:, 0]
-        matrix = motion.transpose(1, 2) @ (stiffness[..., None] * motion)
-        return Quadratic(torch.stack(list(self.terms.values())).sum(0), self.terms, gradient, matrix)
-
-
-@torch.no_grad()
-def expand(
-    figure: Figure, model: ReferenceModel, target: Target, settings: Settings, *, joints: bool = True
-) -> Quadratic:
-    """All terms of `total_energy` with their first and (Gauss-Newton) second order; without `joints` the root's."""
-    chain = Chain.of(figure, joints=joints)
-    found = Expansion(chain.screws.shape[-1], {}, [])
-    if settings.weights.descriptor:
-        chosen, omega = probe_weights(model, settings)
-        reference, weight = model.descriptors_at(chosen), settings.weights.descriptor * omega
-        field, latent = target.field, target.latent
-        found.add("descriptor", *descriptor_rows(field, latent, figure, chain, model.probes, chosen, reference, weight))
-    _expand_skeleton(found, chain, figure, model, target, settings)
-    _expand_contacts(found, chain, figure, model, target, settings)
-    _expand_body(found, chain, figure, model, target, settings)
-    return found.quadratic()
-
-
-def _expand_skeleton(
-    found: Expansion, chain: Chain, figure: Figure, model: ReferenceModel, target: Target, settings: Settings
-) -> None:
-    """Terms of the joints alone."""
-    w = settings.weights
-    if w.angle_limit:
-        excess, motion = excess_and_motion(figure.rotations, model.limits)
-        found.bend("angle_limit", weighed(angle_limit(excess), w.angle_limit), motion)
-    moving = chain.anyhow(torch.arange(figure.positions.shape[1]), figure.positions)
-    if w.floor:
-        height = figure.positions[..., 1] - target.floor_height
-        found.bend("floor", weighed(floor(height), w.floor), moving[:, 1::3])
-    if w.prior:
-        found.bend("prior", weighed(prior(figure, model.canonical), w.prior), prior_motion(moving))
-    if w.facing:
-        seen = carried_front(figure, model.front)
-        motion = chain.turning(torch.tensor([figure.skeleton.index("hips")]), seen)
-        found.bend("facing", weighed(facing(seen, target.front), w.facing), motion)
-    if w.gravity:
-        carried = carried_up(figure, model.gravity)
-        motion = chain.turning(upright_joints(figure.skeleton), carried)
-        found.bend("gravity", weighed(gravity(carried), w.gravity), motion)
-    if w.constraint and target.constraints.given:
-        misses = constraint_misses(figure, target.constraints)
-        motion = constraint_motion(chain, figure, target.constraints)
-        found.bend("constraint", weighed(constraint(misses), w.constraint), motion)
-
-
-def _expand_contacts(
-    found: Expansion, chain: Chain, figure: Figure, model: ReferenceModel, target: Target, settings: Settings
-) -> None:
-    """What the reference touches."""
-    if not settings.weights.contact:
-        return
-    contacts = model.contacts
-    points = contacts.on(figure)
-    distance, normal = target.distance.tangent(points)
-    up = torch.tensor([0.0, 1.0, 0.0])
-    direction = torch.where(contacts.on_floor[..., None], up, normal)
-    misses = contacts.misses(points[..., 1] - target.floor_height, distance)
-    motion = chain.along(contacts.joint.expand(len(figure), -1), points, direction)
-    found.bend("contact", weighed(contact(misses, contacts.weight), settings.weights.contact), motion)
-
-
-def _expand_body(
-    found: Expansion, chain: Chain, figure: Figure, model: ReferenceModel, target: Target, settings: Settings
-) -> None:
-    """Terms of the body's spheres."""
-    w, body = settings.weights, model.body
-    points = body.on(figure)
-    if w.looks_at_clearances:
-        distance, normal = target.distance.tangent(points)
-        motion = chain.along(body.joint, points, normal)
-        if w.penetration:
-            sunk = penetration(distance, body.radius, model.allowance)
-            found.bend("penetration", weighed(sunk, w.penetration), motion)
-        if w.clearance:
-            found.bend("clearance", weighed(clearance(distance, model.clearances), w.clearance), motion)
-        if w.symmetry:
-            sides = weighed(symmetry(distance, model.clearances, model.mirrored), w.symmetry)
-            found.bend("symmetry", sides, symmetry_motion(motion, distance, model.mirrored))
-    if w.self_collision:
-        pairs, allowance = model.collision_pairs, model.collision_allowance
-        found.add("self_collision", *self_collision_rows(chain, points, body, pairs, allowance, w.self_collision))
 
 
 def newton_step(quadratic: Quadratic, damping: Tensor) -> Tensor:
@@ -167,54 +36,132 @@ def newton_step(quadratic: Quadratic, damping: Tensor) -> Tensor:
 def moved(figure: Figure, step: Tensor) -> Figure:
     """The poses after a step [B, N]; a step of the root alone has 6 numbers."""
     turn = quat_from_rotvec(step[:, 3:].reshape(len(figure), -1, 3))
-    turned = quat_normalize(quat_mul(figure.rotations[:, : turn.shape[1]], turn))
+    turned = quat_normalize(product(figure.rotations[:, : turn.shape[1]], turn))
     rotations = torch.cat([turned, figure.rotations[:, turn.shape[1] :]], dim=1)
     return figure_from_pose(figure.skeleton, figure.root_position + step[:, :3], rotations)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """One stage of one request: poses whose energy is to be lowered, and for how long."""
+
+    starts: Candidates
+    model: ReferenceModel  # of the references that the starts are made from
+    target: Target
+    settings: Settings
+    iterations: int
+    joints: bool  # False: only the root moves
+    tolerance: float = 1e-4  # of energy: it ends when no pose gains more in a step
+    watch: Callable[[int, Candidates], None] = lambda i, c: None  # told after every iteration; stops it by raising
+
+    @property
+    def kind(self) -> Hashable:
+        """Problems of one kind can share their steps: they differ in numbers only."""
+        model, target = self.model, self.target
+        sizes = (len(self.starts), model.contacts.joint.shape[1], model.probes.count, model.skeleton.id)
+        alone = id(self) if target.constraints.given else None
+        return (*sizes, self.settings, self.joints, target.floor_height, id(target.field), alone)
+
+
+def minimise(problem: Problem) -> Candidates:
+    """Every pose with its energy lowered; raises what `watch` raises."""
+    (found,) = minimise_together([problem])
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
 @torch.no_grad()
-def minimise(
-    starts: Candidates,
-    model: ReferenceModel,
-    target: Target,
-    settings: Settings,
-    *,
-    iterations: int,
-    joints: bool,
-    tolerance: float = 1e-4,
-    watch: Callable[[int, Candidates], None] = lambda i, c: None,
-) -> Candidates:
-    """Lowers the energy of every pose, moving only the root unless `joints`; stops when none gains `tolerance`."""
-    figure, own = starts.figure, model.of(starts.reference)
-    now = expand(figure, own, target, settings, joints=joints)
-    damping = torch.full((len(figure),), 1e-2)
-    for iteration in range(iterations):
-        trial = moved(figure, newton_step(now, damping))
-        ahead = expand(trial, own, target, settings, joints=joints)
-        gain = now.energy - ahead.energy
+def minimise_together(problems: Sequence[Problem]) -> list[Candidates | Exception]:
+    """`minimise` for problems of one kind, step by step together: to the bit what each gets alone.
+
+    Each ends when it is done, or when its `watch` raises, which the others do not notice.
+    """
+    runs = [_Run(problem) for problem in problems]
+    going = runs
+    while going:
+        batch = _Batch.of(going)
+        if going is runs:
+            batch.begin()
+        while going == batch.runs:
+            batch.step()
+            going = [run for run in going if not run.ended]
+    return [run.failure or run.found for run in runs]
+
+
+class _Run:
+    """A problem on its way."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.found = problem.starts
+        self.shape: Quadratic  # around `found`
+        self.damping = torch.full((len(problem.starts),), 1e-2)
+        self.iteration = 0
+        self.ended = False
+        self.failure: Exception | None = None
+
+    def take(self, ahead: Candidates) -> Tensor:
+        """Keeps the poses that are better; which they are [B], none when it ends here."""
+        gain = self.found.energy - ahead.energy
         won = gain > 0
-        figure, now = _blend(won, trial, figure), _blend_quadratic(won, ahead, now)
-        damping = torch.where(won, damping * 0.3, damping * 6.0).clamp(1e-5, 1e3)
-        watch(iteration + 1, Candidates(figure, starts.reference, now.energy, now.terms))
-        if bool((gain[won] < tolerance).all()) and bool((damping[~won] > 30.0).all()):
-            break
-    return Candidates(figure, starts.reference, now.energy, now.terms)
+        self.found = self.found.replaced(won, ahead)
+        self.damping = torch.where(won, self.damping * 0.3, self.damping * 6.0).clamp(1e-5, 1e3)
+        self.iteration += 1
+        try:
+            self.problem.watch(self.iteration, self.found)
+        except Exception as error:
+            self.failure = error
+        rests = bool((gain[won] < self.problem.tolerance).all()) and bool((self.damping[~won] > 30.0).all())
+        self.ended = rests or self.failure is not None or self.iteration == self.problem.iterations
+        return torch.zeros_like(won) if self.ended else won
 
 
-def _blend(won: Tensor, new: Figure, old: Figure) -> Figure:
-    return Figure(
-        old.skeleton,
-        torch.where(won[:, None], new.root_position, old.root_position),
-        torch.where(won[:, None, None], new.rotations, old.rotations),
-        torch.where(won[:, None, None], new.positions, old.positions),
-        torch.where(won[:, None, None], new.orientations, old.orientations),
-    )
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Runs that share their steps, each with as many poses."""
 
+    runs: list[_Run]
+    model: ReferenceModel  # a row for every pose
+    target: Target
+    reference: Tensor  # [B] of every pose, which of its own request's
 
-def _blend_quadratic(won: Tensor, new: Quadratic, old: Quadratic) -> Quadratic:
-    return Quadratic(
-        torch.where(won, new.energy, old.energy),
-        {name: torch.where(won, term, old.terms[name]) for name, term in new.terms.items()},
-        torch.where(won[:, None], new.gradient, old.gradient),
-        torch.where(won[:, None, None], new.matrix, old.matrix),
-    )
+    @classmethod
+    def of(cls, runs: list[_Run]) -> "_Batch":
+        """Those of problems of one kind."""
+        problems = [run.problem for run in runs]
+        reference = torch.cat([problem.starts.reference for problem in problems])
+        model = models_joined([problem.model[problem.starts.reference] for problem in problems])
+        target = targets_joined([problem.target for problem in problems], len(problems[0].starts))
+        return cls(runs, model, target, reference)
+
+    def begin(self) -> None:
+        """Energy and slopes where they start."""
+        start = self._expanded(figure_concat([run.found.figure for run in self.runs]))
+        shape, found = start.quadratic(), self._candidates(start)
+        for run, share in self._shares():
+            run.found, run.shape = found.picked(share), shape[share]
+
+    def step(self) -> None:
+        """One trial step of every pose; slopes only when some are better."""
+        shape = quadratic_concat([run.shape for run in self.runs])
+        step = newton_step(shape, torch.cat([run.damping for run in self.runs]))
+        ahead = self._expanded(moved(figure_concat([run.found.figure for run in self.runs]), step))
+        found = self._candidates(ahead)
+        won = torch.cat([run.take(found.picked(share)) for run, share in self._shares()])
+        if bool(won.any()):
+            shape = quadratic_where(won, ahead.quadratic(), shape)
+            for run, share in self._shares():
+                run.shape = shape[share]
+
+    def _expanded(self, figure: Figure) -> Expansion:
+        problem = self.runs[0].problem
+        return expand(figure, self.model, self.target, problem.settings, joints=problem.joints)
+
+    def _candidates(self, expansion: Expansion) -> Candidates:
+        return Candidates(expansion.figure, self.reference, expansion.energy, expansion.terms)
+
+    def _shares(self) -> list[tuple[_Run, slice]]:
+        """Which of all poses are whose."""
+        each = len(self.reference) // len(self.runs)
+        return [(run, slice(k * each, (k + 1) * each)) for k, run in enumerate(self.runs)]

@@ -1,11 +1,12 @@
 """Synthesizers in processes of their own: goal poses use every core, and none of them holds up the server's loop."""
 
 import multiprocessing
-import queue
 import signal
+import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext
 from multiprocessing.synchronize import Event
 from time import monotonic
 from typing import Any
@@ -21,14 +22,15 @@ _LOOK = 0.02  # [s] between two looks whether the caller has left
 _TELL = 0.1  # [s] between two messages of progress
 _START = 120.0  # [s] a cold start on a busy machine; normally two
 
+Lane = tuple[Connection, Event]
 Load = Callable[[SynthesizerSettings], Any]  # makes what has `synthesize`; a module's own function, so that it travels
 
 
 class SynthesizerPool:
-    """Several processes behind `Synthesizer.synthesize`; thread-safe, as many callers at a time as there are processes.
+    """Several processes behind `Synthesizer.synthesize`; thread-safe, `lanes` callers at a time for each process.
 
-    Further callers wait for an idle one. A process that dies fails the request it worked on and is started anew for
-    the next one.
+    Callers in one process share their optimiser's steps. Further ones wait for a free lane. A process that dies fails
+    the requests it worked on and is started anew for the next one.
     """
 
     def __init__(
@@ -36,19 +38,19 @@ class SynthesizerPool:
         settings: SynthesizerSettings,
         *,
         processes: int,
+        lanes: int = 1,
         torch_threads: int = 1,
         load: Load = Synthesizer.load,
     ) -> None:
         self.references: Mapping[str, ReferencePair] = {}
         self.field_name = ""
-        self._workers = [_Worker(settings, torch_threads, load) for _ in range(processes)]
-        self._idle: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
+        self._workers = [_Worker(settings, lanes, torch_threads, load) for _ in range(processes)]
+        self._freed = threading.Condition()
         try:
             for worker in self._workers:
                 worker.launch()
             for worker in self._workers:
                 self.references, self.field_name = worker.wait_ready()
-                self._idle.put(worker)
         except BaseException:
             self.close()
             raise
@@ -62,11 +64,16 @@ class SynthesizerPool:
         cancelled: Callable[[], bool] | None = None,
     ) -> GoalPoseResult:
         """Like `Synthesizer.synthesize`; RuntimeError when the process breaks."""
-        worker = self._idle.get()
+        with self._freed:
+            self._freed.wait_for(lambda: any(worker.free for worker in self._workers))
+            worker = max(self._workers, key=lambda worker: len(worker.free))
+            number = worker.free.pop(0)
         try:
-            return worker.run(shape, request, progress, cancelled)
+            return worker.run(number, shape, request, progress, cancelled)
         finally:
-            self._idle.put(worker)
+            with self._freed:
+                worker.free.append(number)
+                self._freed.notify()
 
     def close(self) -> None:
         """Ends the processes at once."""
@@ -75,75 +82,119 @@ class SynthesizerPool:
 
 
 class _Worker:
-    """One process and the pipe to it."""
+    """One process, started anew when it has died."""
 
-    def __init__(self, settings: SynthesizerSettings, torch_threads: int, load: Load) -> None:
-        self._context = multiprocessing.get_context("spawn")  # a fork would copy torch's threads half
+    def __init__(self, settings: SynthesizerSettings, lanes: int, torch_threads: int, load: Load) -> None:
+        self.free = list(range(lanes))  # the pool's account of what is idle
+        self._lanes = lanes
         self._arguments = (settings, torch_threads, load)
-        self._process: multiprocessing.process.BaseProcess | None = None
-        self._pipe: Connection
-        self._stop: Event
+        self._context = multiprocessing.get_context("spawn")  # a fork would copy torch's threads half
+        self._process: _Process | None = None
+        self._starting = threading.Lock()
 
     def launch(self) -> None:
         """Starts the process without waiting for it."""
-        self._stop = self._context.Event()
-        self._pipe, theirs = self._context.Pipe()
-        process = self._context.Process(target=_serve, args=(theirs, self._stop, *self._arguments), daemon=True)
-        process.start()
-        theirs.close()  # so that the pipe ends with the process
-        self._process = process
+        self._process = _Process(self._context, self._lanes, self._arguments)
 
     def wait_ready(self) -> tuple[Mapping[str, ReferencePair], str]:
         """Blocks until the process has loaded its networks: its references and its field's name.
 
         RuntimeError when it cannot.
         """
-        if not self._pipe.poll(_START):
-            self.kill()
-            raise RuntimeError("a process for goal poses did not start in time")
-        return self._answer()
+        assert self._process is not None
+        return self._process.wait_ready()
 
     def run(
         self,
+        number: int,
         shape: Shape,
         request: GoalPoseRequest,
         progress: Listener | None,
         cancelled: Callable[[], bool] | None,
     ) -> GoalPoseResult:
-        """One synthesis in the process."""
-        if self._process is None or not self._process.is_alive():
-            self.launch()
-            self.wait_ready()
-        self._stop.clear()
-        self._pipe.send((shape, request))
+        """One synthesis in one of the process's lanes."""
+        with self._starting:
+            if self._process is None or not self._process.alive:
+                self.launch()
+                self.wait_ready()
+            process = self._process
+        assert process is not None
+        return process.run(number, shape, request, progress, cancelled)
+
+    def kill(self) -> None:
+        """Ends the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process = None
+
+
+class _Process:
+    """One life of a worker's process: a pipe and a flag to stop for every lane."""
+
+    def __init__(self, context: SpawnContext, lanes: int, arguments: tuple[SynthesizerSettings, int, Load]) -> None:
+        pipes = [context.Pipe() for _ in range(lanes)]
+        self._lanes: list[Lane] = [(ours, context.Event()) for ours, _ in pipes]
+        theirs = [(pipe, stop) for (_, pipe), (_, stop) in zip(pipes, self._lanes, strict=True)]
+        self._ending = threading.Lock()
+        self._process = context.Process(target=_serve, args=(theirs, *arguments), daemon=True)
+        self._process.start()
+        for pipe, _ in theirs:
+            pipe.close()  # so that ours end with the process
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.is_alive()
+
+    def wait_ready(self) -> tuple[Mapping[str, ReferencePair], str]:
+        """Its references and its field's name, once it has loaded them."""
+        pipe, _ = self._lanes[0]
+        if not pipe.poll(_START):
+            self.kill()
+            raise RuntimeError("a process for goal poses did not start in time")
+        return self._answer(pipe)
+
+    def run(
+        self,
+        number: int,
+        shape: Shape,
+        request: GoalPoseRequest,
+        progress: Listener | None,
+        cancelled: Callable[[], bool] | None,
+    ) -> GoalPoseResult:
+        """One synthesis in a lane that is free."""
+        pipe, stop = self._lanes[number]
+        stop.clear()
+        pipe.send((shape, request))
         while True:
-            while not self._pipe.poll(_LOOK):
+            while not pipe.poll(_LOOK):
                 if cancelled is not None and cancelled():
-                    self._stop.set()
-            answer = self._answer()
+                    stop.set()
+            answer = self._answer(pipe)
             if isinstance(answer, GoalPoseResult):
                 return answer
             if progress is not None:
                 progress(answer)
 
     def kill(self) -> None:
-        """Ends the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._pipe.close()
-            self._process = None
+        """Ends it."""
+        self._process.kill()
+        self._process.join()
 
-    def _answer(self) -> Any:
-        """The next message of the process, or the error that it is."""
-        try:
-            kind, value = self._pipe.recv()
-        except (EOFError, OSError) as error:
-            assert self._process is not None
-            self._process.join(timeout=1)  # the pipe closes a moment before the process has ended
+    def _ended(self) -> int | None:
+        """Waits for the end that a closed pipe announces. -> the exit code."""
+        with self._ending:  # every lane comes here, but only one thread can ask the system for the code
+            self._process.join(timeout=1)
             code = self._process.exitcode
             self.kill()
-            raise RuntimeError(f"the process that computes goal poses ended with code {code}") from error
+        return code
+
+    def _answer(self, pipe: Connection) -> Any:
+        """The next message of a lane, or the error that it is."""
+        try:
+            kind, value = pipe.recv()
+        except (EOFError, OSError) as error:
+            raise RuntimeError(f"the process that computes goal poses ended with code {self._ended()}") from error
         if kind == "cancelled":
             raise Cancelled
         if kind == "refused":
@@ -153,16 +204,26 @@ class _Worker:
         return value
 
 
-def _serve(pipe: Connection, stop: Event, settings: SynthesizerSettings, torch_threads: int, load: Load) -> None:
-    """In the process: one request after the other until the pipe closes."""
+def _serve(lanes: Sequence[Lane], settings: SynthesizerSettings, torch_threads: int, load: Load) -> None:
+    """In the process: a thread for every lane, until the pipes close."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the server decides what ends when
     torch.set_num_threads(torch_threads)
+    first, _ = lanes[0]
     try:
         synthesizer = load(settings)
     except Exception:
-        pipe.send(("failed", traceback.format_exc()))
+        first.send(("failed", traceback.format_exc()))
         return
-    pipe.send(("ready", (synthesizer.references, synthesizer.field_name)))
+    first.send(("ready", (synthesizer.references, synthesizer.field_name)))
+    threads = [threading.Thread(target=_serve_lane, args=(synthesizer, *lane)) for lane in lanes]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+def _serve_lane(synthesizer: Any, pipe: Connection, stop: Event) -> None:
+    """One request after the other until the pipe closes."""
     while True:
         try:
             shape, request = pipe.recv()

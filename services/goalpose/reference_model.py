@@ -65,7 +65,7 @@ def model_reference(
             allowance=(body.radius - room).clamp(min=GIVE),
             contacts=reference_contacts(figure, body, distance, floor_height),
             clearances=room,
-            collision_allowance=pair_depths(body.on(figure), body, pairs).clamp(min=0.0) + GIVE,
+            collision_allowances=pair_depths(body.on(figure), body, pairs).clamp(min=0.0) + GIVE,
             hip_height=torch.tensor([height_above_surface(distance, figure.root_position[0])]),
             floor_height=torch.tensor([floor_height]),
         )

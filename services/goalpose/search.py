@@ -1,16 +1,16 @@
 """The coarse rigid search: every resting place times every heading in one batch, ranked by geometry, then by all."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
-from character.rotation import quat_from_yaw, quat_mul, quat_rotate
+from character.rotation import quat_from_yaw, quat_mul, quat_rotate, quat_to_matrix
 from torch import Tensor
 
 from goalpose.candidates import Candidates, candidates_concat, distinct
-from goalpose.energy.contact import contact
+from goalpose.energy.contact import Contacts, contact
 from goalpose.energy.facing import carried_front, facing
-from goalpose.energy.figure import Figure, figure_concat, figure_from_pose
+from goalpose.energy.figure import Figure, figure_concat
 from goalpose.energy.total import ReferenceModel, Settings, Target, total_energy, without_descriptor
 from goalpose.energy.weights import EnergyWeights
 from goalpose.legs import settle_legs
@@ -31,8 +31,7 @@ def placed_figures(model: ReferenceModel, places: Tensor, floor_height: float) -
     """
     count, spots = len(model), len(places)
     root = places + torch.tensor([0.0, 1.0, 0.0]) * model.hip_height[:, None, None]
-    rotations = model.figure.rotations[:, None].expand(-1, spots, -1, -1)
-    upright = figure_from_pose(model.skeleton, root.flatten(0, 1), rotations.flatten(0, 1))
+    upright = model.figure[torch.arange(count).repeat_interleave(spots)].moved_to(root.flatten(0, 1))
     on_floor = model.contacts.on_floor
     height = model.figure.positions[torch.arange(count)[:, None], model.contacts.joint, 1] - model.floor_height[:, None]
     ankle = torch.where(on_floor, height, -torch.inf).amax(1)
@@ -68,21 +67,59 @@ def evaluate(
 
 
 @torch.no_grad()
-def touch_energy(
-    figure: Figure, model: ReferenceModel, target: Target, weights: EnergyWeights, turns: Tensor
+def best_touching(
+    placed: Figure, model: ReferenceModel, target: Target, weights: EnergyWeights, turns: Tensor, count: int
 ) -> Tensor:
-    """Contact and facing of every pose [B] turned by every angle [H]: without a figure for each. -> [B, H]."""
-    root = figure.root_position[:, None, None]
-    arms = (model.contacts.on(figure)[:, None] - root).expand(-1, len(turns), -1, -1)
-    turn = quat_from_yaw(turns)[None, :, None]
-    points = root + quat_rotate(turn, arms)  # [B, H, K, 3]
-    distance = target.distance.query(points).flatten(0, 1)
-    every = torch.arange(len(figure)).repeat_interleave(len(turns))
-    contacts = model.contacts[every] if len(model) > 1 else model.contacts
-    misses = contacts.misses(points[..., 1].flatten(0, 1) - target.floor_height, distance)
-    energy = weights.contact * contact(misses, contacts.weight).energy
-    front = quat_rotate(turn, carried_front(figure, model.front)[:, None]).flatten(0, 1)
-    return (energy + weights.facing * facing(front, target.front).energy).reshape(len(figure), len(turns))
+    """Of all places and headings the `count` best of each reference by contact and facing. -> [R, count].
+
+    `placed` has R * K poses as `placed_figures` makes them, every one is looked at with every angle of `turns` [H];
+    k * H + h is the index of place k with turn h. Contact costs most and can lower no energy below what facing alone
+    makes of it: placements whose facing is already worse than the best found are left out, exactly.
+    """
+    touch = _Touch.of(placed, model, target, weights, turns)
+    energy = torch.full_like(touch.least, torch.inf)
+    first = max(count, energy.shape[1] // 4)
+    wanted = touch.least <= touch.least.kthvalue(first, dim=1, keepdim=True).values
+    energy[wanted] = touch.energy(wanted)
+    wanted = energy.isinf() & (touch.least < energy.kthvalue(count, dim=1, keepdim=True).values)
+    energy[wanted] = touch.energy(wanted)
+    return energy.topk(count, largest=False).indices
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """Contact and facing of R references at K places, turned by H angles: without a figure for each."""
+
+    contacts: Contacts  # of the R references
+    target: Target
+    weight: float  # of contact
+    root: Tensor  # [R * K, 3] [m]
+    arms: Tensor  # [R * K, contacts, 3] from the root to the contacts, not turned yet
+    turn: Tensor  # [H, 3, 3]
+    least: Tensor  # [R, K * H] what facing makes of the energy when all contacts are met
+
+    @classmethod
+    def of(
+        cls, placed: Figure, model: ReferenceModel, target: Target, weights: EnergyWeights, turns: Tensor
+    ) -> "_Touch":
+        own = model[torch.arange(len(model)).repeat_interleave(len(placed) // len(model))]
+        turn = quat_to_matrix(quat_from_yaw(turns))
+        front = carried_front(placed, own.front) @ turn[:, None].transpose(-1, -2)  # [H, R * K, 1, 3]
+        aside = facing(front.transpose(0, 1).flatten(0, 1), target.front).energy
+        missing = 1.0 - model.contacts.weight.sum(-1, keepdim=True)
+        least = weights.facing * aside.reshape(len(model), -1) + weights.contact * missing
+        arms = own.contacts.on(placed) - placed.root_position[:, None]
+        return cls(model.contacts, target, weights.contact, placed.root_position, arms, turn, least)
+
+    def energy(self, wanted: Tensor) -> Tensor:
+        """Of the `wanted` [R, K * H] placements, in their order."""
+        reference, which = torch.nonzero(wanted, as_tuple=True)
+        pose = reference * (len(self.root) // len(wanted)) + which // len(self.turn)
+        contacts = self.contacts[reference]
+        points = self.root[pose, None] + self.arms[pose] @ self.turn[which % len(self.turn)].transpose(-1, -2)
+        misses = contacts.misses(points[..., 1] - self.target.floor_height, self.target.distance.query(points))
+        met = contact(misses, contacts.weight).energy - (1.0 - contacts.weight.sum(-1))
+        return self.least[wanted] + self.weight * met
 
 
 def coarse_search(
@@ -104,8 +141,7 @@ def coarse_search(
     each = len(places) * len(turns)
     which = torch.arange(len(model) * each)
     if w.contact:
-        rough = touch_energy(placed, model[owner], target, w, turns).reshape(len(model), each)
-        best = rough.topk(min(TOUCHING, each), largest=False).indices
+        best = best_touching(placed, model, target, w, turns, min(TOUCHING, each))
         which = (best + each * torch.arange(len(model))[:, None]).flatten()
     watch.check()
     figure = turned_figures(placed[which // len(turns)], turns[which % len(turns)])

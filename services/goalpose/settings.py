@@ -13,6 +13,7 @@ class GoalPoseSettings(ServerSettings):
     object_cache: int = Field(64, ge=1, description="uploaded objects kept in memory")
     result_cache: int = Field(1024, ge=1, description="answers kept in memory")
     workers: int = Field(0, ge=0, description="processes that compute goal poses; 0: a thread of the server")
+    worker_lanes: int = Field(4, ge=1, description="goal poses that share the optimiser's steps in one process")
     reference_cache: int = Field(64, ge=1, description="uploaded reference poses kept in memory")
     max_count: int = Field(16, ge=1, description="most poses that a request may ask for")
     queue_limit: int = Field(16, ge=1, description="goal poses waiting or running before new ones are refused")

@@ -13,7 +13,7 @@ from goalpose.candidates import Candidates, distinct
 from goalpose.energy.penetration import penetration_depths
 from goalpose.energy.total import ReferenceModel, Settings, Target
 from goalpose.energy.weights import DEFAULT, EnergyWeights
-from goalpose.newton import minimise
+from goalpose.newton import Problem, minimise
 from goalpose.progress import Progress, Watch
 from goalpose.search import coarse_search, headings
 
@@ -90,11 +90,12 @@ def solve(
     first_yaw: float,
     watch: Watch,
     keep: int = 0,
+    steps: Callable[[Problem], Candidates] = minimise,
 ) -> Candidates:
     """Poses on the target, best first: those that were optimised to the end.
 
     `places` [K, 3] where hips may rest [m], `first_yaw` the heading from which the search goes round [rad], `keep`
-    placements to optimise (0: as the configuration says).
+    placements to optimise (0: as the configuration says), `steps` what solves each stage: alone, or shared.
     """
     found = coarse_search(
         model,
@@ -108,19 +109,21 @@ def solve(
     )
     done = 0
     for stage, turn in ((1, config.rigid), (2, config.joints), (3, config.finish), (3, config.polish)):
+        watch.check()
         each = turn.each if len(model) > 1 else None
         count = keep if keep and stage == 1 else turn.keep
         found = found.picked(distinct(found, count, reach=turn.apart, each=each))
-        found = minimise(
-            found,
-            model,
-            target if turn.joints else target.rigid,
-            Settings(config.weights, turn.samples),
+        problem = Problem(
+            starts=found,
+            model=model,
+            target=target if turn.joints else target.rigid,
+            settings=Settings(config.weights, turn.samples),
             iterations=turn.iterations,
             joints=turn.joints,
             tolerance=turn.tolerance,
             watch=_reporter(watch, stage, done, config),
         )
+        found = steps(problem)
         depths = penetration_depths(found.figure, model.body, target.distance)
         found = replace(found, deepest=depths.amax(-1))
         done += turn.iterations

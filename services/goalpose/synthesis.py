@@ -30,6 +30,7 @@ from goalpose.ranking import choose_diverse
 from goalpose.reference_model import model_reference
 from goalpose.references import ACTIONS, ReferencePair, load_references
 from goalpose.result import GoalPoseResult, RankedPose, ranked_pose, summaries
+from goalpose.sharing import SharedSteps
 from goalpose.solver import SolverConfig, solve
 
 __all__ = [
@@ -94,7 +95,7 @@ class GoalPoseRequest:
 
 @dataclass(eq=False)
 class Synthesizer:
-    """Field, reference pairs and what was computed of them; safe to share between threads."""
+    """Field, reference pairs and what was computed of them; threads that share it share their Newton steps too."""
 
     field: DescriptorField
     references: dict[str, ReferencePair]
@@ -104,6 +105,7 @@ class Synthesizer:
     _models: RecentCache[tuple[str, str, int, int], ReferenceModel] = dataclasses.field(
         default_factory=lambda: RecentCache(MODELS)
     )
+    _steps: SharedSteps = dataclasses.field(default_factory=SharedSteps)
     _lock: Lock = dataclasses.field(default_factory=Lock)
 
     @classmethod
@@ -212,15 +214,18 @@ class Synthesizer:
             places = torch.cat([places, torch.tensor(wishes.seat_point)[None]])
         if not len(places):
             places = torch.tensor(shape.bounds.mean(0), dtype=torch.float32)[None]
-        return solve(
-            models_stack([self.model(pair, request.seed, config.samples) for pair in pairs]),
-            target,
-            config.wanting(request.count),
-            places=places,
-            first_yaw=wishes.facing or 0.0,  # a wished heading is among those looked at; else the object's own front
-            watch=watch,
-            keep=request.restarts,
-        )
+        models = models_stack([self.model(pair, request.seed, config.samples) for pair in pairs])
+        with self._steps.taking_part():
+            return solve(
+                models,
+                target,
+                config.wanting(request.count),
+                places=places,
+                first_yaw=wishes.facing or 0.0,  # a wished heading is among those looked at; else the object's front
+                watch=watch,
+                keep=request.restarts,
+                steps=self._steps.minimise,
+            )
 
     def _solve_paper(
         self,

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from motion.blending import WHOLE, Blending
 from motion.clearance import Furniture, furniture_of, near
-from motion.controller import Body, Control, control, goals_of
+from motion.controller import INTERACT, Body, Control, control, goals_of
 from motion.figure import Figure, humanoid_figure
 from motion.graphs import Graphs, Shown
 from motion.intent import Goal, Idle, Intent, Steer
@@ -29,8 +29,9 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\2"
-_HEAD = struct.Struct("<5s6i7d")  # mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock
+_MARK = b"ROAM\3"
+# Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
+_HEAD = struct.Struct("<5s6i9d")
 _STANDING, _LYING = -1, 1  # of the head's seat
 
 
@@ -55,8 +56,9 @@ class CharacterState:
                 parts.append(seat.depths)
                 tail = seat.volume.packed
         depths = len(parts[-1]) if tail else 0
+        times = memory.clock, memory.along, memory.pace
         integers = memory.mode, memory.since, memory.waiting, kind, len(self.row), depths
-        head = _HEAD.pack(_MARK, *integers, *vars(memory.plan).values(), memory.clock)
+        head = _HEAD.pack(_MARK, *integers, *vars(memory.plan).values(), *times)
         return head + b"".join(part.astype("<f4").tobytes() for part in parts) + tail
 
     @staticmethod
@@ -64,7 +66,7 @@ class CharacterState:
         """The state that `to_bytes` wrote. ValueError when the bytes are something else."""
         if len(data) < _HEAD.size or not data.startswith(_MARK):
             raise ValueError("not a character state")
-        _, mode, since, waiting, kind, width, depths, *plan, clock = _HEAD.unpack_from(data)
+        _, mode, since, waiting, kind, width, depths, *plan, clock, along, pace = _HEAD.unpack_from(data)
         joints = shapes_of(width)["velocities"][0]
         count = width + (0 if kind == _STANDING else 12 * joints + 8 + depths)
         if len(data) < _HEAD.size + 4 * count:
@@ -75,7 +77,7 @@ class CharacterState:
             raise ValueError("a character state of another length than it says")
         if kind != _STANDING:
             seat = _seat(numbers[width:], joints, kind == _LYING, Volume.unpacked(tail) if tail else None)
-        return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock))
+        return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock, along, pace))
 
 
 def _seat(numbers: np.ndarray, joints: int, lying: bool, volume: Volume | None) -> Seat:
@@ -164,17 +166,27 @@ class Animator:
             commands.append(command if self._blending.settling else replace(command, urgency=0.0))
         goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
         shown = self._graphs.step(rows, goals, clock, _around(memories, bodies))
-        frames = _frames(shown, [command.active for command in commands])
+        frames = _frames(shown, memories)
         after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
 
 
-def _frames(shown: Shown, active: Sequence[bool]) -> list[FrameData]:
-    """One of each; those whose goal pose is `active` tell how far it is."""
-    gaps = [gap if near else None for gap, near in zip(shown.apart.tolist(), active, strict=True)]
+def _frames(shown: Shown, memories: Sequence[Control]) -> list[FrameData]:
+    """One of each; those who take or hold a goal pose tell how far it is."""
+    gaps = [_gap(memory, *of_each) for memory, *of_each in zip(memories, shown.positions, shown.apart, strict=True)]
     actions = [ACTIONS[int(style)] for style in shown.style]
     numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
     return [FrameData(*parts) for parts in zip(*numbers, actions, gaps, strict=True)]
+
+
+def _gap(memory: Control, positions: np.ndarray, apart: np.ndarray) -> float | None:
+    """Mean joint distance to the goal pose [m]: `apart` is from the pose asked of the network, which for someone who is
+    about to lie down is another one."""
+    if memory.mode != INTERACT or memory.seat is None:
+        return None
+    if memory.seat.lying:
+        return float(np.linalg.norm(positions - memory.seat.positions, axis=-1).mean())
+    return float(apart)
 
 
 def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
@@ -187,7 +199,7 @@ def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor
         rows.append(row)
         volumes.append(seat.volume)
         allowed.append(seat.depths)
-        lying.append(seat.lying)
+        lying.append(memory.along > 0)
     return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
 
 

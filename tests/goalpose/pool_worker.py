@@ -3,9 +3,11 @@
 import os
 import time
 from dataclasses import replace
+from unittest import mock
 
+from goalpose import newton
 from goalpose.progress import Cancelled, Progress
-from goalpose.synthesis import RequestError
+from goalpose.synthesis import RequestError, Synthesizer
 from poser import Poser
 
 WAIT, DIE, REFUSE, FAIL = 101, 102, 103, 104
@@ -28,6 +30,35 @@ class Actor(Poser):
             raise ZeroDivisionError("deep inside")
         found = super().synthesize(shape, request, progress=progress, cancelled=cancelled)
         return replace(found, seconds=float(os.getpid()))  # who did it
+
+
+class Counter(Synthesizer):
+    """The real one. After as many iterations as the seed says it waits until its caller has left; then it refuses with
+    the number of iterations that began after that."""
+
+    def synthesize(self, shape, request, *, progress=None, cancelled=None):
+        begun = []
+
+        def expand(*arguments, **options):
+            begun.append(cancelled())
+            return plain(*arguments, **options)
+
+        def tell(told):
+            progress(told)
+            while told.iteration == request.seed > 0 and not cancelled():
+                time.sleep(0.005)
+                progress(told)  # the pool leaves out what comes too often
+
+        plain = newton.expand
+        with mock.patch.object(newton, "expand", expand):
+            try:
+                return super().synthesize(shape, request, progress=tell, cancelled=cancelled)
+            except Cancelled:
+                raise RequestError("iterations", str(sum(begun))) from None
+
+
+def load_counter(settings):
+    return Counter.load(settings)
 
 
 def load(settings):

@@ -1,5 +1,6 @@
 """What the solver tests share: a field without training, a reference pair, and its model."""
 
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -10,6 +11,18 @@ from goalpose.references import ReferencePair, load_reference
 from torch import Tensor
 
 REFERENCES = Path(__file__).parents[2] / "examples" / "references"
+
+
+@dataclass
+class Autograd:
+    """Descriptors with the slopes that autograd finds."""
+
+    queries: Tensor
+    descriptors: Tensor
+
+    def force(self, slope: Tensor) -> Tensor:
+        (force,) = torch.autograd.grad(self.descriptors, self.queries, slope)
+        return force
 
 
 class LandmarkField:
@@ -26,6 +39,12 @@ class LandmarkField:
         """[1, Q, 3] -> [1, Q, 10]."""
         distance = (x[:, :, None] - latent[:, None]).square().sum(-1).add(1e-4).sqrt()
         return torch.nn.functional.normalize(torch.cat([distance.sin(), distance.cos()], -1), dim=-1)
+
+    def pull(self, latent: Tensor, x: Tensor) -> Autograd:
+        """The same with its slopes."""
+        with torch.enable_grad():
+            leaf = x.detach().requires_grad_()
+            return Autograd(leaf, self.descriptor(latent, leaf))
 
 
 @cache

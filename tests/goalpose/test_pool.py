@@ -11,7 +11,7 @@ from goalpose.objects import load_shape
 from goalpose.pool import SynthesizerPool
 from goalpose.progress import Cancelled
 from goalpose.synthesis import GoalPoseRequest, RequestError, SynthesizerSettings
-from pool_worker import DIE, FAIL, REFUSE, WAIT, load, load_nothing
+from pool_worker import DIE, FAIL, REFUSE, WAIT, load, load_counter, load_nothing
 from poser import Poser, box_file
 
 
@@ -93,3 +93,47 @@ def test_closing_ends_the_processes():
     assert started
     pool.close()
     assert not [child for child in psutil.Process().children() if child.pid not in before]
+
+
+def test_lanes_of_one_process_work_at_once_and_die_together(shape):
+    """Two callers wait in one process at the same time; when it dies both fail, and it is there for the next one."""
+    pool = SynthesizerPool(SynthesizerSettings(), processes=1, lanes=3, load=load)
+    told, outcomes = [], []
+
+    def ask():
+        try:
+            pool.synthesize(shape, GoalPoseRequest(seed=WAIT), progress=told.append, cancelled=lambda: False)
+        except RuntimeError as error:
+            outcomes.append(str(error))
+
+    threads = [threading.Thread(target=ask) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    while len(told) < 2:
+        time.sleep(0.005)
+    with pytest.raises(RuntimeError, match="code 7"):
+        pool.synthesize(shape, GoalPoseRequest(seed=DIE))
+    for thread in threads:
+        thread.join(timeout=10)
+    assert len(outcomes) == 2
+    assert pool.synthesize(shape, GoalPoseRequest(seed=6)).name.endswith("6")
+    pool.close()
+
+
+def test_cancellation_frees_the_real_worker_within_one_iteration():
+    """In every stage: counted in the process, from the iteration during which the caller leaves."""
+    pool = SynthesizerPool(SynthesizerSettings(), processes=1, load=load_counter)
+    chair = pool.references["chair_sit"].shape
+    for iteration in (1, 3, 5, 9, 16):
+        told = []
+        with pytest.raises(RequestError) as caught:
+            pool.synthesize(
+                chair,
+                GoalPoseRequest(reference="chair_sit", seed=iteration),
+                progress=told.append,
+                cancelled=lambda told=told, last=iteration: bool(told) and told[-1].iteration == last,
+            )
+        assert caught.value.field == "iterations"
+        assert int(str(caught.value)) <= 1
+    assert pool.synthesize(chair, GoalPoseRequest(reference="chair_sit")).energies["total"] < 1
+    pool.close()

@@ -6,7 +6,7 @@ from goalpose.candidates import Candidates, facing_yaw
 from goalpose.energy.total import ReferenceModel, Settings, Target
 from goalpose.energy.weights import DEFAULT
 from goalpose.legs import settle_legs
-from goalpose.newton import minimise
+from goalpose.newton import Problem, minimise
 from goalpose.paper_solver import PaperConfig, solve_paper
 from goalpose.places import find_places
 from goalpose.progress import Cancelled, Watch
@@ -30,6 +30,14 @@ def solved(reference: str, furniture: str, *, first_yaw: float = 0.0, watch: Wat
 def as_candidates(m: ReferenceModel, target: Target) -> Candidates:
     """The reference pose itself, to start from."""
     return evaluate(m.figure, torch.zeros(1, dtype=torch.long), m, target, Settings(DEFAULT, 1))
+
+
+def problem(m: ReferenceModel, target: Target, *, iterations: int = 3, joints: bool = True, **more) -> Problem:
+    settings = Settings(DEFAULT, 1)
+    starts = as_candidates(m, target)
+    return Problem(
+        starts=starts, model=m, target=target, settings=settings, iterations=iterations, joints=joints, **more
+    )
 
 
 def test_places_lie_on_top_of_the_seat():
@@ -56,15 +64,7 @@ def test_a_dining_chair_pose_fits_an_office_chair():
 def test_newton_never_raises_the_energy():
     m, target = model("chair_sit", 3), target_of("office_sit")
     energies: list[float] = []
-    minimise(
-        as_candidates(m, target),
-        m,
-        target,
-        Settings(DEFAULT, 1),
-        iterations=6,
-        joints=True,
-        watch=lambda i, c: energies.append(float(c.energy[0])),
-    )
+    minimise(problem(m, target, iterations=6, watch=lambda i, c: energies.append(float(c.energy[0]))))
     assert energies == sorted(energies, reverse=True)
     assert energies[-1] < energies[0]
 
@@ -72,7 +72,7 @@ def test_newton_never_raises_the_energy():
 def test_root_stage_leaves_the_joints_alone():
     m = model("chair_sit", 3)
     target = target_of("office_sit")
-    found = minimise(as_candidates(m, target), m, target, Settings(DEFAULT, 1), iterations=3, joints=False)
+    found = minimise(problem(m, target, joints=False))
     torch.testing.assert_close(found.figure.rotations[:, 1:], m.figure.rotations[:, 1:], atol=1e-6, rtol=0)
 
 

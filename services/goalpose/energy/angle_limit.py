@@ -11,10 +11,11 @@ from functools import cache
 from pathlib import Path
 
 import torch
-from character.rotation import quat_from_rotvec, quat_inv, quat_mul, quat_to_rotvec
+from character.rotation import quat_from_rotvec, quat_inv, quat_to_rotvec
 from character.skeleton import Skeleton
 from torch import Tensor
 
+from goalpose.energy.figure import Figure, product
 from goalpose.energy.rows import Bend, squares
 
 LIMITS_FILE = Path(__file__).parent / "angle_limits.json"
@@ -47,7 +48,7 @@ def swing_twist(rotations: Tensor, axis: Tensor) -> Tensor:
     part = (rotations[..., :3] * along).sum(-1, keepdim=True)
     twist = torch.cat([part * along, rotations[..., 3:]], dim=-1)
     twist = twist / (twist.square().sum(-1, keepdim=True) + 1e-12).sqrt()
-    swing = quat_to_rotvec(quat_mul(rotations, quat_inv(twist)))
+    swing = quat_to_rotvec(product(rotations, quat_inv(twist)))
     return swing * (1 - along) + quat_to_rotvec(twist)
 
 
@@ -75,15 +76,15 @@ def angle_limit(excess: Tensor) -> Bend:
     return squares(excess.flatten(1), 1.0 / excess.shape[1])
 
 
-def excess_and_motion(rotations: Tensor, limits: AngleLimits) -> tuple[Tensor, Tensor]:
-    """Excess [B, K, 3] of local rotations [B, J, 4], and how it moves [B, 3 K, N]: by differences in the joint's own
-    rotation vector, the only one that counts."""
-    step, bounded = 1e-3, rotations[:, limits.joint]
+def excess_motion(figure: Figure, limits: AngleLimits) -> Tensor:
+    """How the excess of B poses moves with the unknowns [B, 3 K, N]: by differences in the joint's own rotation vector,
+    the only one that counts."""
+    step, bounded = 1e-3, figure.rotations[:, limits.joint]
     nudges = torch.cat([torch.zeros(1, 3), step * torch.eye(3)])[:, None, None]
-    excess = angle_excess(quat_mul(bounded, quat_from_rotvec(nudges)), limits)  # [4, B, K, 3]
+    excess = angle_excess(product(bounded, quat_from_rotvec(nudges)), limits)  # [4, B, K, 3]
     slopes = ((excess[1:] - excess[0]) / step).permute(1, 2, 3, 0)  # [B, K, bound, axis]
     batch, count = bounded.shape[:2]
-    motion = torch.zeros(batch, count, 3, 3 + 3 * rotations.shape[1])
+    motion = torch.zeros(batch, count, 3, 3 + 3 * figure.rotations.shape[1])
     columns = 3 + 3 * limits.joint[:, None] + torch.arange(3)  # [K, axis]
     motion.scatter_(3, columns[None, :, None].expand(batch, -1, 3, -1), slopes)
-    return excess[0], motion.flatten(1, 2)
+    return motion.flatten(1, 2)

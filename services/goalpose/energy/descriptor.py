@@ -7,11 +7,23 @@ import torch
 from character.skeleton import Skeleton
 from torch import Tensor
 
-from goalpose.energy.chain import Chain
 from goalpose.energy.figure import Figure
 from goalpose.energy.rows import Rows
 
 LIMBS = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
+
+
+class Pulled(Protocol):
+    """Descriptors and how they move with their query points."""
+
+    @property
+    def descriptors(self) -> Tensor:
+        """[B, Q, D]."""
+        ...
+
+    def force(self, slope: Tensor) -> Tensor:
+        """From the slope of something in the descriptors [B, Q, D] to its slope in the queries [B, Q, 3]."""
+        ...
 
 
 class DescriptorField(Protocol):
@@ -25,13 +37,17 @@ class DescriptorField(Protocol):
         """Queries [B, Q, 3] [m] -> unit descriptors [B, Q, D], differentiable in x."""
         ...
 
+    def pull(self, latent: Any, x: Tensor) -> Pulled:
+        """The same with the slopes in x, without autograd."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Probes:
     """P query points fixed to joints: Gaussian clouds at C centres (joints, limb midpoints), centre by centre."""
 
     joint: Tensor  # [P]
-    offset: Tensor  # [P, 3] in the joint's frame [m]
+    offset: Tensor  # [P, 3] in the joint's frame [m], or [B, P, 3], for every pose its own
     centre: Tensor  # [P] which centre a point belongs to
     knee: Tensor  # [P] bool: belongs to a knee, which weighs more in the rigid stage (supplement C)
 
@@ -39,6 +55,11 @@ class Probes:
     def count(self) -> int:
         """P."""
         return len(self.joint)
+
+    def on(self, figure: Figure, chosen: Tensor) -> tuple[Tensor, Tensor]:
+        """The `chosen` points [P']: their joints [P'] and where they are on B poses [B, P', 3] [m]."""
+        joint = self.joint[chosen]
+        return joint, figure.attached(joint, self.offset[..., chosen, :])
 
     def thinned(self, samples: int) -> Tensor:
         """Indices of the first `samples` points of every centre."""
@@ -101,31 +122,48 @@ def descriptor_energy(values: Tensor, reference: Tensor, weight: Tensor) -> Tens
 
 def _residual(values: Tensor, reference: Tensor) -> Tensor:
     """|Z' - Z|_1 / sqrt(D) of every probe. -> [B, P]."""
-    return (values - reference).abs().sum(-1) / reference.shape[-1] ** 0.5
+    return _size(values - reference)
 
 
-def descriptor_rows(
-    field: DescriptorField,
-    latent: Any,
-    figure: Figure,
-    chain: Chain,
-    probes: Probes,
-    chosen: Tensor,
-    reference: Tensor,
-    weight: Tensor,
-) -> tuple[Tensor, Rows]:
-    """E_d of the `chosen` probes [B], and its rows. `reference` and `weight` as in `descriptor_energy`.
+def _size(difference: Tensor) -> Tensor:
+    return difference.abs().sum(-1) / difference.shape[-1] ** 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class DescriptorBend:
+    """E_d at the query points of B poses.
 
     A point's residual is like a distance, E ~ k |x - x*|; reweighted least squares then has the stiffness |dE/dx|^2
     / E.
     """
-    joint = probes.joint[chosen]
-    points = figure.attached(joint, probes.offset[chosen])
-    with torch.enable_grad():
-        leaf = points.reshape(1, -1, 3).requires_grad_(True)
-        values = field.descriptor(latent, leaf).reshape(*points.shape[:2], -1)
-        each = _residual(values, reference) * weight
-        (force,) = torch.autograd.grad(each.sum(), leaf)
-    force, each = force.reshape(points.shape), each.detach()
-    stiffness = force.square().sum(-1) / each.clamp(min=1e-9)
-    return each.sum(-1), Rows(chain.anyhow(joint, points), force.flatten(1), stiffness.repeat_interleave(3, dim=1))
+
+    pulled: Pulled
+    difference: Tensor  # [B, P, D] of the descriptors from the reference's
+    weight: Tensor  # [1 or B, P]
+
+    @property
+    def each(self) -> Tensor:
+        """What every point contributes. [B, P]."""
+        return _size(self.difference) * self.weight
+
+    @property
+    def energy(self) -> Tensor:
+        """E_d [B]."""
+        return self.each.sum(-1)
+
+    def rows(self, motion: Tensor) -> Rows:
+        """With how the points' coordinates move [B, 3 P, N]."""
+        each, descriptors = self.each, self.pulled.descriptors
+        slope = self.difference.sign() * (self.weight[..., None] / self.difference.shape[-1] ** 0.5)
+        force = self.pulled.force(slope.reshape(descriptors.shape)).reshape(*each.shape, 3)
+        stiffness = force.square().sum(-1) / each.clamp(min=1e-9)
+        return Rows(motion, force.flatten(1), stiffness.repeat_interleave(3, dim=1))
+
+
+def descriptor_bend(
+    field: DescriptorField, latent: Any, points: Tensor, reference: Tensor, weight: Tensor, *, objects: int = 1
+) -> DescriptorBend:
+    """E_d of query points [B, P, 3] [m], of as many poses on each of the `objects` in `latent`, one after the other;
+    `reference` and `weight` as in `descriptor_energy`."""
+    pulled = field.pull(latent, points.reshape(objects, -1, 3))
+    return DescriptorBend(pulled, pulled.descriptors.reshape(*points.shape[:2], -1) - reference, weight)

@@ -1,5 +1,7 @@
 """E_x: arms and legs stay out of the trunk and of each other (beyond the paper)."""
 
+from dataclasses import dataclass
+
 import torch
 from character.skeleton import Skeleton
 from torch import Tensor
@@ -7,7 +9,7 @@ from torch import Tensor
 from goalpose.energy.chain import Chain
 from goalpose.energy.figure import Figure
 from goalpose.energy.penetration import BodyPoints
-from goalpose.energy.rows import Rows
+from goalpose.energy.rows import Bend
 
 PAIRS = 12  # colliding pairs of spheres that the expansion looks at
 
@@ -48,18 +50,31 @@ def self_collision_energy(points: Tensor, body: BodyPoints, pairs: Tensor, allow
     return (pair_depths(points, body, pairs) - allowance).clamp(min=0.0).square().sum(-1)
 
 
-def self_collision_rows(
-    chain: Chain, points: Tensor, body: BodyPoints, pairs: Tensor, allowance: Tensor, weight: float
-) -> tuple[Tensor, Rows]:
-    """`weight` E_x of the `PAIRS` pairs of every pose that overlap most [B], and its rows."""
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The `PAIRS` pairs of spheres that overlap most in every pose."""
+
+    overlap: Tensor  # [B, M] beyond what is allowed, at least 0 [m]
+    first: Tensor  # [B, M] one sphere of each pair
+    second: Tensor  # [B, M] the other one
+    points: Tensor  # [B, P, 3] all spheres' centres [m]
+
+    def bend(self) -> Bend:
+        """E_x in the overlaps."""
+        overlap = self.overlap
+        return Bend(overlap.square().sum(-1), 2 * overlap, 2.0 * (overlap > 0))
+
+    def motion(self, chain: Chain, body: BodyPoints) -> Tensor:
+        """How the overlaps move with the unknowns. -> [B, M, N]."""
+        batch = torch.arange(len(self.points))[:, None]
+        a, b = self.points[batch, self.first], self.points[batch, self.second]
+        normal = torch.nn.functional.normalize(b - a, dim=-1) * (self.overlap > 0)[..., None]
+        return chain.along(body.joint[self.first], a, normal) - chain.along(body.joint[self.second], b, normal)
+
+
+def deepest_pairs(points: Tensor, body: BodyPoints, pairs: Tensor, allowance: Tensor) -> Pairs:
+    """Which `pairs` [2, M] of the spheres at `points` [B, P, 3] overlap most, beyond `allowance` [1 or B, M] [m]."""
     apart = torch.cdist(points, points, compute_mode="donot_use_mm_for_euclid_dist")
     depth = (body.radius[pairs[0]] + body.radius[pairs[1]] - allowance) - apart[:, pairs[0], pairs[1]]
     overlap, which = depth.topk(min(PAIRS, depth.shape[1]), dim=-1)
-    overlap = overlap.clamp(min=0.0)
-    first, second = pairs[0][which], pairs[1][which]
-    batch = torch.arange(len(points))[:, None]
-    a, b = points[batch, first], points[batch, second]
-    normal = torch.nn.functional.normalize(b - a, dim=-1) * (overlap > 0)[..., None]
-    motion = chain.along(body.joint[first], a, normal) - chain.along(body.joint[second], b, normal)
-    slope = 2 * weight * overlap
-    return weight * overlap.square().sum(-1), Rows(motion, slope, 2 * weight * (overlap > 0))
+    return Pairs(overlap.clamp(min=0.0), pairs[0][which], pairs[1][which], points)

@@ -43,12 +43,12 @@ class ReferenceModel:
     gravity: Tensor  # [R, 3, 3]
     front: Tensor  # [R, 3] the front of the reference object in the pelvis frame, as long as it is clear
     descriptors: Tensor  # [all, P, D] of all references, picked only where they are looked at: they are large
+    collision_allowances: Tensor  # [all, M] [m], likewise
     row: Tensor  # [R] which of all the references each is
     nearness: Tensor  # [R, P] 1 at the reference object, falling with distance: far descriptors say little
     allowance: Tensor  # [R, body points] [m]
     contacts: Contacts
     clearances: Tensor  # [R, body points] [m]
-    collision_allowance: Tensor  # [R, M] [m]
     hip_height: Tensor  # [R] of the hips joint above the surface below it [m]
     floor_height: Tensor  # [R]
 
@@ -61,6 +61,16 @@ class ReferenceModel:
     def descriptors_at(self, chosen: Tensor) -> Tensor:
         """Descriptors of the `chosen` probes [P']. -> [R, P', D]."""
         return self.descriptors[self.row[:, None], chosen]
+
+    @property
+    def collision_allowance(self) -> Tensor:
+        """How deep each pair of spheres may overlap [R, M] [m]."""
+        return self.collision_allowances[self.row]
+
+    @property
+    def alone(self) -> "ReferenceModel":
+        """The same without what belongs to other references."""
+        return replace(self, row=torch.arange(len(self)), **{name: getattr(self, name)[self.row] for name in _SHARED})
 
     def of(self, which: Tensor) -> "ReferenceModel":
         """What poses made from the references `which` [B] are compared with."""
@@ -77,11 +87,11 @@ _EACH = (
     "allowance",
     "contacts",
     "clearances",
-    "collision_allowance",
     "hip_height",
     "floor_height",
 )
 _STRUCTURED = ("figure", "contacts")
+_SHARED = ("descriptors", "collision_allowances")
 
 
 def models_stack(models: Sequence[ReferenceModel]) -> ReferenceModel:
@@ -91,8 +101,18 @@ def models_stack(models: Sequence[ReferenceModel]) -> ReferenceModel:
     }
     figure = figure_concat([m.figure for m in models])
     contacts = contacts_stack([m.contacts for m in models])
-    descriptors, tensors["row"] = torch.cat([m.descriptors for m in models]), torch.arange(len(models))
-    return replace(models[0], figure=figure, contacts=contacts, descriptors=descriptors, **tensors)
+    tensors |= {name: torch.cat([getattr(m, name) for m in models]) for name in _SHARED}
+    tensors["row"] = torch.arange(len(tensors["descriptors"]))
+    return replace(models[0], figure=figure, contacts=contacts, **tensors)
+
+
+def models_joined(models: Sequence[ReferenceModel]) -> ReferenceModel:
+    """What the poses of several requests are compared with, a row for every pose."""
+    if len(models) == 1:
+        return models[0]
+    offset = torch.cat([model.probes.offset.expand(len(model), -1, -1) for model in models])
+    rows = models_stack([model.alone for model in models])
+    return replace(rows, probes=replace(rows.probes, offset=offset))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +123,9 @@ class Target:
     latent: Any
     distance: SignedDistance
     floor_height: float
-    front: Tensor  # [3] away from its back, as long as front and back differ
+    front: Tensor  # [3] away from its back, as long as front and back differ; [B, 1, 3] for several objects
     constraints: Constraints = NONE
+    objects: int = 1  # several, when each has its share of the poses, one after the other (`joined.py`)
 
     @property
     def rigid(self) -> "Target":

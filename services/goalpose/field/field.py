@@ -16,6 +16,7 @@ from goalpose.field.decoder import Answer, Decoder
 from goalpose.field.direction import direction
 from goalpose.field.encoder import Encoder
 from goalpose.field.latent import Latent
+from goalpose.field.pull import Pull
 
 
 class Field(nn.Module):
@@ -67,6 +68,11 @@ class Field(nn.Module):
         """
         numbers = torch.cat(self.decoder.activations(latent, queries), -1)
         return direction(numbers, self.mean, 1 / self.deviation)
+
+    @torch.no_grad()
+    def pull(self, latent: Latent, queries: Tensor) -> Pull:
+        """`descriptor` and its slopes in the queries `[B, Q, 3]`, without autograd."""
+        return Pull.of(self.decoder, latent, queries, mean=self.mean, scale=1 / self.deviation)
 
     def occupancy(self, latent: Latent, queries: Tensor) -> Tensor:
         """Occupancy logits `[B, Q]` of queries `[B, Q, 3]`: Eq. 2 before the sigmoid."""

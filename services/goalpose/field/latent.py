@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import torch
@@ -40,3 +41,8 @@ class Latent:
         if len(self.center) != 1:
             raise ValueError(f"only a latent of one object can be expanded, this one holds {len(self.center)}")
         return Latent(*(getattr(self, f.name).expand(count, *getattr(self, f.name).shape[1:]) for f in fields(self)))
+
+
+def latent_concat(latents: Sequence[Latent]) -> Latent:
+    """Codes of several batches of objects as one batch."""
+    return Latent(*(torch.cat([getattr(latent, f.name) for latent in latents]) for f in fields(Latent)))

@@ -12,6 +12,8 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     import torch
 
+_TINY = 1e-6  # [m]
+
 
 def turn_about_y(yaw: float) -> npt.NDArray[np.float64]:
     """The rotation matrix `[3, 3]` of a turn about +Y [rad]."""
@@ -40,48 +42,36 @@ class DistanceGrid:
 
     def query(self, x: torch.Tensor) -> torch.Tensor:
         """Distance `[...]` [m] at world points `[..., 3]` [m]; differentiable in `x` (piecewise trilinear)."""
-        local = self._local(x)
-        inside, corners, (u, v, w) = self._cell(local)
-        (near, up), (far, far_up) = ((a + (b - a) * w for a, b in side) for side in corners)
-        lower, upper = near + (up - near) * v, far + (far_up - far) * v
-        # The square root's slope at 0 is infinite; the tiny constant keeps gradients finite inside the grid.
-        outside = ((local - inside).square().sum(-1) + 1e-12).sqrt() - 1e-6
-        return lower + (upper - lower) * u + outside
+        unit, beyond = self._placed(x)
+        return self._interpolated(unit) + _length(beyond)[..., 0]
 
     def tangent(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Distance `[...]` [m] and its gradient `[..., 3]` at world points `[..., 3]` [m], in closed form."""
+        """Distance `[...]` [m] and its gradient `[..., 3]` at world points `[..., 3]` [m], in closed form but for the
+        interpolation."""
         import torch
 
-        local = self._local(x)
-        inside, corners, (u, v, w) = self._cell(local)
-        slopes = [[b - a for a, b in side] for side in corners]
-        (near, up), (far, far_up) = ((a + (b - a) * w for a, b in side) for side in corners)
-        lower, upper = near + (up - near) * v, far + (far_up - far) * v
-        along_v = (up - near) + ((far_up - far) - (up - near)) * u
-        (s, t), (p, q) = slopes
-        along_w = (s + (t - s) * v) * (1 - u) + (p + (q - p) * v) * u
-        gradient = torch.stack([upper - lower, along_v, along_w], dim=-1) / self.pitch
-        beyond = local - inside
-        far_away = (beyond.square().sum(-1, keepdim=True) + 1e-12).sqrt()
-        gradient = torch.where(beyond == 0, gradient, 0.0) + beyond / far_away
-        return lower + (upper - lower) * u + far_away[..., 0] - 1e-6, self._world(gradient)
+        unit, beyond = self._placed(x.detach())
+        with torch.enable_grad():
+            found = self._interpolated(unit.requires_grad_())
+            (slope,) = torch.autograd.grad(found, unit, torch.ones_like(found))
+        far_away = _length(beyond)
+        gradient = torch.where(beyond == 0, slope * self._tensors[2].to(x), 0.0) + beyond / (far_away + _TINY)
+        return found.detach() + far_away[..., 0], self._world(gradient)
 
-    def _cell(
-        self, local: torch.Tensor
-    ) -> tuple[torch.Tensor, list[list[tuple[torch.Tensor, torch.Tensor]]], tuple[torch.Tensor, ...]]:
-        """The nearest points in the grid's box, the values at the corners of their cells, by x, y and z, and the
-        places in the cells along x, y and z."""
+    def _placed(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """World points in the grid, from -1 to 1 along every axis, and how far beyond its box they lie [m]."""
+        _, low, scale = (part.to(x) for part in self._tensors)
+        local = self._local(x)
+        inside = local.clamp(low, low + 2 / scale)
+        return (inside - low) * scale - 1, local - inside
+
+    def _interpolated(self, unit: torch.Tensor) -> torch.Tensor:
+        """Values at places in the grid."""
         import torch  # here, so that the process that only parses uploads need not load it
 
-        values, low, high, strides = self._tensors
-        values, low, high = values.to(local), low.to(local), high.to(local)
-        inside = torch.minimum(torch.maximum(local, low), high)
-        cell = (inside - low) / self.pitch
-        corner = torch.minimum(cell.detach().floor(), (high - low).div(self.pitch).round() - 1).clamp_min(0)
-        index = (corner.long() * strides).sum(-1)
-        sx, sy, _ = (int(s) for s in strides)
-        ends = [[(values[index + i + j], values[index + i + j + 1]) for j in (0, sy)] for i in (0, sx)]
-        return inside, ends, (cell - corner).unbind(-1)
+        places, values = unit.reshape(1, 1, 1, -1, 3), self._tensors[0].to(unit)
+        found = torch.nn.functional.grid_sample(values, places, padding_mode="border", align_corners=True)
+        return found.reshape(unit.shape[:-1])
 
     def _local(self, x: torch.Tensor) -> torch.Tensor:
         """World points in the grid's own axes."""
@@ -107,10 +97,15 @@ class DistanceGrid:
         return torch.tensor(turn_about_y(self.yaw))
 
     @cached_property
-    def _tensors(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+    def _tensors(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """The values as a volume `[1, 1, Z, Y, X]`; the lowest node `[3]` [m]; 2 / size of the box `[3]` [1/m]."""
         import torch
 
-        size = np.array(self.values.shape)
-        strides = torch.tensor([size[1] * size[2], size[2], 1])
-        low = torch.as_tensor(self.origin)
-        return torch.tensor(self.values).reshape(-1), low, low + torch.as_tensor((size - 1) * self.pitch), strides
+        size = (np.array(self.values.shape) - 1) * self.pitch
+        volume = torch.tensor(self.values).permute(2, 1, 0)[None, None].contiguous()
+        return volume, torch.tensor(self.origin, dtype=torch.float32), torch.tensor(2 / size, dtype=torch.float32)
+
+
+def _length(vectors: torch.Tensor) -> torch.Tensor:
+    """Lengths `[..., 1]` of vectors `[..., 3]`, with a slope at 0, where that of the square root is infinite."""
+    return (vectors.square().sum(-1, keepdim=True) + _TINY**2).sqrt() - _TINY
