@@ -21,6 +21,7 @@ Predict = Callable[[Inputs], Tensor]
 
 _HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
 _COMMITTED = 0.3  # blending weight from which feet go where the goal pose has them
+_HURRY = 1.15  # times as fast as else bones may turn out of furniture
 _MOST_PHASE = 0.08  # [turns] per frame: 2.4 gait cycles a second
 
 
@@ -54,7 +55,7 @@ def advance(
     [m] (meaningful where the goal is active).
     """
     proposal = propose(figure, predict(sense(figure, characters, goals)), characters, goals, parts)
-    moved, after = settle(figure, characters, *cleared(figure, proposal, around))
+    moved, after = settle(figure, characters, *cleared(figure, characters, goals, proposal, around))
     return moved, after, (after - goals.pose_positions).norm(dim=-1).mean(-1)
 
 
@@ -91,15 +92,23 @@ def propose(figure: Figure, output: Tensor, characters: Characters, goals: Goals
     )
 
 
-def cleared(figure: Figure, proposal: Proposal, around: tuple[Tensor, Furniture] | None) -> tuple[Proposal, Tensor]:
+def cleared(
+    figure: Figure,
+    characters: Characters,
+    goals: Goals,
+    proposal: Proposal,
+    around: tuple[Tensor, Furniture] | None,
+) -> tuple[Proposal, Tensor]:
     """The proposal out of the furniture, and which feet [B, 2] had to move for it."""
     wanted, orientations = proposal.wanted.clone(), proposal.orientations.clone()
     pushed = torch.zeros_like(wanted[:, :2, 0], dtype=torch.bool)
     if around is not None:
         rows, furniture = around
-        wanted[rows], orientations[rows], pushed[rows] = keep_clear(
+        wanted[rows], turned, pushed[rows] = keep_clear(
             figure, furniture, wanted[rows], orientations[rows], proposal.settled[rows]
         )
+        # Out of the furniture, but hardly faster than without: a hand pushed as it turns would snap.
+        orientations[rows] = limit_turns(figure, characters.orientations[rows], turned, goals.active[rows], _HURRY)
     return replace(proposal, wanted=wanted, orientations=orientations), pushed
 
 

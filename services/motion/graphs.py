@@ -46,32 +46,28 @@ class Graphs:
 
     def __init__(self, figure: Figure, prediction: Predict, blending: Blending) -> None:
         self._figure, self._shapes = figure, _shown_shapes(figure.joint_count)
-        widths = [characters_width(figure.joint_count), row_width(goal_shapes(figure.joint_count)), 1]
-
-        def inputs(numbers: Tensor) -> tuple[Characters, Goals, Tensor]:
-            rows, goals, clock = numbers.split(widths, 1)
-            return Characters.of(rows), Goals.of(goals, figure.joint_count), clock[:, 0]
+        self._widths = [characters_width(figure.joint_count), row_width(goal_shapes(figure.joint_count)), 1]
 
         def seen(numbers: Tensor) -> Tensor:
             return _bodies(figure, Characters.of(numbers))
 
         def proposed(numbers: Tensor) -> tuple[Tensor, ...]:
-            characters, goals, _ = inputs(numbers)
+            characters, goals, _ = self._inputs(numbers)
             output = prediction(sense(figure, characters, goals))
             return tuple(vars(propose(figure, output, characters, goals, blending)).values())
 
         def shown(numbers: Tensor, pushed: Tensor, *proposal: Tensor) -> tuple[Tensor, Tensor]:
-            characters, goals, clock = inputs(numbers)
+            characters, goals, clock = self._inputs(numbers)
             after, joints = settle(figure, characters, Proposal(*proposal), pushed)
             return _shown(figure, after, joints, goals.pose_positions, clock)
 
         def stepped(numbers: Tensor) -> tuple[Tensor, Tensor]:
-            proposal, pushed = cleared(figure, Proposal(*proposed(numbers)), None)
+            proposal, pushed = self._cleared(numbers, proposed(numbers), None)
             return shown(numbers, pushed, *vars(proposal).values())
 
-        numbers = torch.zeros(_EXAMPLES, sum(widths))
-        proposal, pushed = cleared(figure, Proposal(*proposed(numbers)), None)
-        self._bodies, self._propose = traced(seen, numbers[:, : widths[0]]), traced(proposed, numbers)
+        numbers = torch.zeros(_EXAMPLES, sum(self._widths))
+        proposal, pushed = self._cleared(numbers, proposed(numbers), None)
+        self._bodies, self._propose = traced(seen, numbers[:, : self._widths[0]]), traced(proposed, numbers)
         self._show = traced(shown, numbers, pushed, *vars(proposal).values())
         self._step = traced(stepped, numbers)
 
@@ -90,10 +86,21 @@ class Graphs:
             if around is None:
                 found, short = self._step(numbers)
             else:
-                proposal, pushed = cleared(self._figure, Proposal(*self._propose(numbers)), around)
+                proposal, pushed = self._cleared(numbers, self._propose(numbers), around)
                 found, short = self._show(numbers, pushed, *vars(proposal).values())
         after, frames = np.split(found.numpy(), [rows.shape[1]], axis=1)
         return Shown(after, snorm16=short.numpy().copy(), **split_array(frames.copy(), self._shapes))
+
+    def _inputs(self, numbers: Tensor) -> tuple[Characters, Goals, Tensor]:
+        """Characters, goals and clock [B] of the graphs' input."""
+        rows, goals, clock = numbers.split(self._widths, 1)
+        return Characters.of(rows), Goals.of(goals, self._figure.joint_count), clock[:, 0]
+
+    def _cleared(
+        self, numbers: Tensor, proposal: Sequence[Tensor], around: tuple[Tensor, Furniture] | None
+    ) -> tuple[Proposal, Tensor]:
+        characters, goals, _ = self._inputs(numbers)
+        return cleared(self._figure, characters, goals, Proposal(*proposal), around)
 
 
 def _bodies(figure: Figure, characters: Characters) -> Tensor:

@@ -1,6 +1,6 @@
 """Lying down, planned: from a seat on the furniture's edge to the lying pose, and back the same way.
 
-Captured people lie down three times in all the clips: a network learns from that where it should be in the end, not how
+There is one captured recline, and it is on the floor: a network learns from that where it should be in the end, not how
 legs come over an edge. So it walks up and sits down on the edge, which it does well, and what follows is worked out
 once per goal: hips turn and scoot, legs are lifted over whatever is in their way, the trunk reclines. Every bone's and
 joint's speed is bounded, and the ends are eased. Getting up plays the same poses backwards.
