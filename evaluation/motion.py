@@ -80,8 +80,10 @@ def summarise(runs: list[Approach]) -> dict[str, float]:
         "goal_depth_median_cm": round(100 * float(np.median(own)), 2),
         "within_3_cm_percent": mean(100.0 * (depths <= 0.03)),
         "within_3_cm_or_goal_percent": mean(100.0 * (depths <= np.maximum(0.03, own))),
+        "leaving_depth_p95_cm": round(100 * float(np.quantile([r.leaving_depth for r in runs], 0.95)), 2),
         "stood_percent": mean([100.0 * (r.stood is not None) for r in runs]),
         "frames_to_stand_mean": mean([r.stood for r in runs if r.stood is not None]),
+        "frames_to_stand_max": max([r.stood for r in runs if r.stood is not None], default=0),
     }
 
 

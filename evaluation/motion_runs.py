@@ -46,6 +46,7 @@ class Approach:
     lowest: float  # lowest joint over the floor
     depth: float  # deepest body capsule in the object on the way and sitting down, until the goal is reached
     goal_depth: float  # the same of the goal pose itself
+    leaving_depth: float  # the same from the command to stand on
     stood: int | None  # frames from the command until upright
 
 
@@ -115,6 +116,7 @@ def judge(figure: Figure, take: Take, *, frames: int = APPROACH) -> Approach:
         lowest=float(way[..., 1].min()),
         depth=deepest(figure, way[:seated:3], take.goal),
         goal_depth=deepest(figure, target[None], take.goal),
+        leaving_depth=deepest(figure, way[frames::3], take.goal),
         stood=int(upright[0]) if len(upright) else None,
     )
 

@@ -1,7 +1,8 @@
 """From intents to the network's goals: walk up, turn, sit or lie, hold, stand up, go on.
 
 Three modes. FREE follows a planned path. INTERACT gives the goal pose to the network and lets bidirectional blending
-bring the body to it. RISE asks for a standing place in front of the seat until the figure is up.
+bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. Between the edge of
+the furniture and a lying pose, both ways, the goal pose moves along a planned way (see reclining.py) and alone decides.
 """
 
 import math
@@ -14,6 +15,7 @@ from motion.features import Goals
 from motion.figure import Figure
 from motion.intent import Goal, Idle, Intent, Steer
 from motion.planner import Plan, Steering, Target, follow, plan_keys, wrap
+from motion.reclining import Reclining, reclining_of
 from motion.seat import Seat, outlines_of, seat_of
 from motion.state import ACTIONS, FRAME_RATE, KEYS
 from motion.ways import way
@@ -24,8 +26,13 @@ _CLOSE = 0.35, math.radians(60)  # good enough when no progress is made
 _PATIENCE = 45  # frames
 _BALANCED = 0.13  # [m] between hips and the middle of the feet, seen from above
 _UPRIGHT = 0.86  # [m] hips higher than this: standing
-_LATE = 75, 240  # frames after which sitting down, lying down should be over; then the goal pose draws ever more
+_LATE = 75  # frames after which sitting down should be over; then the goal pose draws ever more
 _URGENT = 60  # frames until it alone decides
+_SAT = 0.05, 15  # [m] from the hips on the edge, and frames after which one goes on to lie down
+_HANDOVER = 15, 30  # frames until the planned way alone decides, and until it lets go of the lying body
+_REVERSAL = 0.1  # change of pace per frame when someone who is lying down shall get up, or the other way round
+_LIES = 0.4  # share of the planned way from which one lies
+_PAUSE = 6  # frames on the edge before getting up from it
 _RISE_LIMIT = 12 * FRAME_RATE  # frames after which rising is given up for standing
 
 
@@ -39,6 +46,8 @@ class Control:
     since: int = 0  # frames in this mode
     waiting: int = 0  # frames close to the standing place without arriving
     clock: float = 0.0  # [s] of the living idle; starts where the seed says
+    along: float = 0.0  # frames of the way from the edge to the lying pose, 0 on the edge
+    pace: float = 0.0  # frames of that way per frame, negative when getting up
 
 
 @dataclass(frozen=True)
@@ -69,16 +78,14 @@ def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple
     state = replace(state, since=state.since + 1, clock=state.clock + 1 / FRAME_RATE)
     if state.mode == INTERACT and _leaves(figure, state, intent, body):
         state = replace(state, mode=RISE, since=0)
-    if state.mode == RISE and (_stands(state, body) or state.since > _RISE_LIMIT):
+    if state.mode != FREE and state.seat is not None and state.seat.lying:
+        state = _reclined(reclining_of(figure, state.seat), state, body)
+    if state.mode == RISE and state.along == 0 and (_stands(state, body) or state.since > _RISE_LIMIT):
         state = Control(Plan(body.x, body.z, yaw=body.yaw), clock=state.clock)
     if state.mode == FREE:
         state = _approach(figure, state, intent, body)
-    if state.mode == INTERACT and state.seat is not None:
-        command = _hold(state.seat.root, ACTIONS.index("lie" if state.seat.lying else "sit"), state.seat)
-        late = state.since - _LATE[int(state.seat.lying)]
-        return state, replace(command, urgency=min(max(late / _URGENT, 0.0), 1.0))
-    if state.mode == RISE and state.seat is not None:
-        return state, _hold(state.seat.stand, ACTIONS.index("idle"), None)
+    if state.mode != FREE and state.seat is not None:
+        return state, _seated(figure, state, state.seat)
     aim = _aim(figure, state, intent)
     x, z = _anchor(aim, body)
     plan = follow(state.plan, aim, x, z, body.yaw, 1 / FRAME_RATE)
@@ -89,6 +96,43 @@ def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple
     still &= math.hypot(plan.vx, plan.vz) < 0.15 and math.hypot(feet[0] - body.x, feet[1] - body.z) < _BALANCED
     action = ACTIONS.index("idle" if still else "walk")
     return replace(state, plan=plan), Command(places, directions, action, False)
+
+
+def _seated(figure: Figure, state: Control, seat: Seat) -> Command:
+    """What is asked of someone who takes a seat, holds it or leaves it."""
+    if state.mode == RISE and state.along == 0 and not (seat.lying and state.since < _PAUSE):
+        return _hold(seat.stand, ACTIONS.index("idle"), None)
+    urgency = (state.since - _LATE) / _URGENT
+    lies = False
+    if seat.lying:
+        way = reclining_of(figure, seat)
+        seat, lies = way.at(round(state.along)), state.along > _LIES * way.last
+        if state.along >= way.last:
+            urgency = 1 - state.since / _HANDOVER[1]
+        elif state.along > 0:
+            urgency = max(state.along / _HANDOVER[0], urgency)
+    command = _hold(seat.root, ACTIONS.index("lie" if lies else "sit"), seat)
+    return replace(command, urgency=min(max(urgency, 0.0), 1.0))
+
+
+def _reclined(way: Reclining, state: Control, body: Body) -> Control:
+    """One frame on between the edge and the lying pose: down when interacting, up when rising."""
+    down, end = state.mode == INTERACT, float(way.last)
+    if state.along == 0 and not (down and _sat(way.edge, state, body)):
+        return state
+    target = 1.0 if down else -1.0
+    pace = target
+    if 0 < state.along < end:
+        pace = min(max(target, state.pace - _REVERSAL), state.pace + _REVERSAL)
+    along = min(max(state.along + pace, 0.0), end)
+    arrived = along in (0.0, end) and along != state.along
+    return replace(state, along=along, pace=pace, since=0 if arrived else state.since)
+
+
+def _sat(edge: Seat, state: Control, body: Body) -> bool:
+    """Whether someone sits on the edge well enough to go on, or should long do so."""
+    apart = math.dist((body.x, body.height, body.z), edge.positions[0].tolist())
+    return (apart < _SAT[0] and state.since > _SAT[1]) or state.since > _LATE + _URGENT
 
 
 def _anchor(aim: Target | Steering, body: Body) -> tuple[float, float]:

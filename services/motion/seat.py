@@ -14,7 +14,7 @@ from character.pose import Pose
 from character.rotation import quat_to_matrix
 from character.volume import Volume
 
-from motion.clearance import goal_depths
+from motion.clearance import furniture_of, goal_depths
 from motion.figure import Figure
 from motion.intent import Goal
 from motion.ways import Outline, Place, edge
@@ -25,6 +25,8 @@ _CALVES = 0.16  # [m] standing place in front of the furniture's edge
 _STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most
 _SEAT_ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and up to here behind the ankles
 _LOPSIDED = 0.10  # [m] difference between the furniture's two sides that tells where its back is
+_WALL = 0.12, 0.2, 0.28  # [m] over lying hips: nothing that one sits down or climbs across
+_WALL_STEP = 0.06  # [m] between the places that are looked at: no board is so thin that it is overlooked
 _LYING_ROOM = 0.15  # [m] kept clear around a lying pose
 
 
@@ -50,20 +52,40 @@ class Seat:
 def seat_of(figure: Figure, goal: Goal, place: Place) -> Seat:
     """The seat of a goal for a character at `place`: where to stand depends on the lying pose's open side.
 
-    That is the one asked for, else the one where the furniture ends sooner (a back rest is on the other), else the one
-    that the character is on.
+    That is the one asked for, else the one where no back rest or headboard is in the way, else the one where the
+    furniture ends sooner (a back rest is on the other), else the one that the character is on.
     """
     if goal.action != "lie":
         return _sitting(figure, goal)
     x, z, dx, dz = map(float, _posture(figure, goal)[2])
-    left, right = (edge((x, z), (sign * dz, -sign * dx), goal.obstacles) for sign in (1, -1))
     if goal.approach is not None:
         towards = float(dz * goal.approach[0] - dx * goal.approach[1])
-    elif abs(left - right) > _LOPSIDED:
-        towards = right - left
     else:
-        towards = dz * (place[0] - x) - dx * (place[1] - z)
+        towards = _open_side(figure, goal) or dz * (place[0] - x) - dx * (place[1] - z)
     return _lying(figure, goal, 1.0 if towards >= 0 else -1.0)
+
+
+@lru_cache(maxsize=512)
+def _open_side(figure: Figure, goal: Goal) -> float:
+    """Positive where one lies down from the body's left, negative from its right, 0 where it is all the same."""
+    positions, _, root = _posture(figure, goal)
+    sides = [sign * np.array([root[3], -root[2]], np.float32) for sign in (1, -1)]
+    left, right = (edge(_pair(root[:2]), _pair(side), goal.obstacles) for side in sides)
+    if goal.volume is not None:
+        walled = [_walled(goal.volume, positions[0], *pair) for pair in zip(sides, (left, right), strict=True)]
+        if walled[0] != walled[1]:
+            return 1.0 if walled[1] else -1.0
+    return right - left if abs(left - right) > _LOPSIDED else 0.0
+
+
+def _walled(volume: Volume, hips: np.ndarray, side: np.ndarray, reach: float) -> bool:
+    """Whether matter rises over lying `hips` [3] between them and the furniture's edge, `reach` [m] to a side [2]."""
+    furniture = furniture_of([volume], [np.zeros(0, np.float32)], [True])
+    ways, heights = np.meshgrid(np.arange(_WALL_STEP * 3, reach + _CALVES, _WALL_STEP), _WALL, indexing="ij")
+    flat = ways.ravel()[:, None] * side
+    points = hips + np.stack([flat[:, 0], heights.ravel(), flat[:, 1]], 1)
+    gap, _ = furniture.distance(torch.tensor(points, dtype=torch.float32)[None])
+    return bool(gap.min() < 0.6 * _WALL_STEP)
 
 
 @lru_cache(maxsize=512)

@@ -16,7 +16,7 @@ from torch import Tensor
 from motion.advance import advance
 from motion.blending import WHOLE, Blending
 from motion.clearance import Furniture, furniture_of, near
-from motion.controller import Body, Control, control, goals_of
+from motion.controller import INTERACT, Body, Control, control, goals_of
 from motion.figure import Figure, humanoid_figure
 from motion.intent import Goal, Idle, Intent, Steer
 from motion.living import alive, stillness
@@ -30,8 +30,9 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\2"
-_HEAD = struct.Struct("<5s6i7d")  # mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock
+_MARK = b"ROAM\3"
+# Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
+_HEAD = struct.Struct("<5s6i9d")
 _STANDING, _LYING = -1, 1  # of the head's seat
 
 
@@ -56,8 +57,9 @@ class CharacterState:
                 parts.append(seat.depths)
                 tail = seat.volume.packed
         depths = len(parts[-1]) if tail else 0
+        times = memory.clock, memory.along, memory.pace
         integers = memory.mode, memory.since, memory.waiting, kind, len(self.row), depths
-        head = _HEAD.pack(_MARK, *integers, *vars(memory.plan).values(), memory.clock)
+        head = _HEAD.pack(_MARK, *integers, *vars(memory.plan).values(), *times)
         return head + b"".join(part.astype("<f4").tobytes() for part in parts) + tail
 
     @staticmethod
@@ -65,7 +67,7 @@ class CharacterState:
         """The state that `to_bytes` wrote. ValueError when the bytes are something else."""
         if len(data) < _HEAD.size or not data.startswith(_MARK):
             raise ValueError("not a character state")
-        _, mode, since, waiting, kind, width, depths, *plan, clock = _HEAD.unpack_from(data)
+        _, mode, since, waiting, kind, width, depths, *plan, clock, along, pace = _HEAD.unpack_from(data)
         joints = shapes_of(width)["velocities"][0]
         count = width + (0 if kind == _STANDING else 12 * joints + 8 + depths)
         if len(data) < _HEAD.size + 4 * count:
@@ -76,7 +78,7 @@ class CharacterState:
             raise ValueError("a character state of another length than it says")
         if kind != _STANDING:
             seat = _seat(numbers[width:], joints, kind == _LYING, Volume.unpacked(tail) if tail else None)
-        return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock))
+        return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock, along, pace))
 
 
 def _seat(numbers: np.ndarray, joints: int, lying: bool, volume: Volume | None) -> Seat:
@@ -162,17 +164,29 @@ class Animator:
         clock = torch.tensor([memory.clock for memory in controls])
         orientations = alive(self.figure, after.orientations, stillness(after), clock)
         positions = self.figure.positions(after.hips, orientations)
-        distance = torch.linalg.vector_norm(positions - goals.pose_positions, dim=-1).mean(-1)
         rotations = self.figure.rotations(orientations).numpy()
-        rows, places, apart = after.rows(), positions.numpy(), distance.tolist()
+        rows, places = after.rows(), positions.numpy()
+        apart = _apart(positions, goals.pose_positions, controls)
         hips, contacts = after.hips.numpy(), (after.lock_weights >= 1).numpy()
         styles = after.past[:, -1, 4:8].argmax(-1).tolist()
         out = []
         for i, row in enumerate(rows):
-            gap = apart[i] if commands[i].active else None
-            frame = FrameData(hips[i], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], gap)
+            frame = FrameData(hips[i], rotations[i], places[i], contacts[i], ACTIONS[styles[i]], apart[i])
             out.append((CharacterState(row, controls[i]), frame))
         return out
+
+
+def _apart(positions: Tensor, asked: Tensor, controls: Sequence[Control]) -> list[float | None]:
+    """Mean joint distance of `positions` [B, J, 3] to the goal poses of those who take or hold one [m].
+
+    The poses `asked` [B, J, 3] of the network are these, but for someone who is about to lie down.
+    """
+    ends = asked.clone()
+    for row, memory in enumerate(controls):
+        if memory.mode == INTERACT and memory.seat is not None and memory.seat.lying:
+            ends[row] = torch.from_numpy(memory.seat.positions)
+    gaps = torch.linalg.vector_norm(positions - ends, dim=-1).mean(-1).tolist()
+    return [gap if memory.mode == INTERACT else None for gap, memory in zip(gaps, controls, strict=True)]
 
 
 def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
@@ -185,7 +199,7 @@ def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor
         rows.append(row)
         volumes.append(seat.volume)
         allowed.append(seat.depths)
-        lying.append(seat.lying)
+        lying.append(memory.along > 0)
     return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
 
 

@@ -1,0 +1,162 @@
+"""Lying down by way of the furniture's edge: a box of a bed, and a lying pose in its middle."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+from character.pose import Pose, rest_pose
+from character.rotation import quat_from_rotvec
+from character.skeleton import humanoid_skeleton
+from motion.clearance import furniture_of
+from motion.controller import INTERACT, RISE, Body, Control, control
+from motion.figure import humanoid_figure
+from motion.intent import Goal, Idle
+from motion.planner import Plan
+from motion.reclining import reclining_of
+from motion.seat import seat_of
+from motion.step import Animator, CharacterState
+from test_clearance import box
+from test_step import WEIGHTS, played
+
+FIGURE = humanoid_figure()
+NAMES = FIGURE.skeleton
+TOP = 0.45  # [m]
+BED = ((-0.5, -1.0), (0.5, -1.0), (0.5, 1.1), (-0.5, 1.1))
+
+
+def lying_pose():
+    """On the back, feet towards +Z, arms beside the body."""
+    rotations = rest_pose(NAMES).rotations.copy()
+    rotations[0] = quat_from_rotvec(np.array([-np.pi / 2, 0, 0], np.float32))
+    for side, sign in (("left", -1), ("right", 1)):
+        rotations[NAMES.index(f"{side}UpperArm")] = quat_from_rotvec(np.array([0, 0, sign * 1.35], np.float32))
+    return Pose(humanoid_skeleton(), np.array([0, TOP + 0.10, 0], np.float32), rotations)
+
+
+@cache
+def bed(wall=None):
+    """A goal on a bed of 1 x 2.1 m, with a board along one of its sides if asked."""
+    volume = box([-0.5, 0.0, -1.0], [0.5, TOP, 1.1])
+    if wall is not None:
+        low, high = (
+            ([0.46, 0.0, -1.0], [0.5, TOP + 0.4, 1.1]) if wall == "left" else ([-0.5, 0, -1], [-0.46, 0.85, 1.1])
+        )
+        board = box(low, high)
+        volume = box([-0.5, 0.0, -1.0], [0.5, TOP + 0.4, 1.1])
+        nodes = volume.origin + volume.pitch * np.stack(
+            np.meshgrid(*map(np.arange, volume.values.shape), indexing="ij"), -1
+        )
+        flat = torch.tensor(nodes.reshape(1, -1, 3), dtype=torch.float32)
+        parts = [box([-0.5, 0.0, -1.0], [0.5, TOP, 1.1]), board]
+        gaps = [furniture_of([part], [np.zeros(0, np.float32)], [True]).distance(flat)[0] for part in parts]
+        values = (torch.minimum(*gaps) / 0.0025).round().clamp(-127, 127).reshape(volume.values.shape)
+        volume = type(volume)(volume.origin, volume.pitch, 0.0, values.numpy().astype(np.int8))
+    return Goal(lying_pose(), "lie", obstacles=(BED,), volume=volume)
+
+
+def way(goal=None, place=(2.0, 0.0)):
+    goal = goal or bed()
+    return reclining_of(FIGURE, seat_of(FIGURE, goal, place))
+
+
+def gaps(positions):
+    """Distances [T, 6] of shins, ankles and toes from the bed [m]."""
+    joints = torch.tensor(positions)
+    shins = (joints[:, FIGURE.legs[:, 1]] + joints[:, FIGURE.legs[:, 2]]) / 2
+    points = torch.cat([shins, joints[:, FIGURE.legs[:, 2]], joints[:, FIGURE.legs[:, 3]]], 1)
+    furniture = furniture_of([bed().volume], [np.zeros(0, np.float32)], [True])
+    return furniture.distance(points.flatten(0, 1)[None])[0].reshape(len(points), -1).numpy()
+
+
+@pytest.mark.parametrize("place", [(2.0, 0.0), (-2.0, 0.5)])
+def test_the_way_begins_seated_on_the_edge_and_ends_in_the_goal(place):
+    reclining = way(place=place)
+    sign = np.sign(place[0])
+    edge, goal = reclining.at(0), reclining.at(reclining.last)
+    assert goal.lying
+    assert not edge.lying
+    np.testing.assert_array_equal(reclining.positions[-1], goal.positions)
+    np.testing.assert_allclose(edge.root[2:], [sign, 0.0], atol=0.02)  # faces the open side
+    assert 0.1 < sign * edge.positions[0, 0] < 0.5  # hips over the bed
+    assert TOP + 0.03 < edge.positions[0, 1] < TOP + 0.16
+    ankles = edge.positions[FIGURE.legs[:, 2]]
+    assert (sign * ankles[:, 0] > 0.55).all()  # in front of it
+    assert ((ankles[:, 1] > 0.05) & (ankles[:, 1] < 0.12)).all()  # on the floor
+
+
+def test_legs_come_over_the_edge_and_nothing_moves_too_fast():
+    reclining = way()
+    steps = np.linalg.norm(np.diff(reclining.positions, axis=0), axis=-1)
+    assert steps.max() < 0.045
+    assert steps[:2].max() < 0.01  # from rest
+    assert steps[-2:].max() < 0.012  # to rest
+    assert gaps(reclining.positions).min() > 0.03
+    turned = reclining.orientations
+    assert reclining.last < 150
+    np.testing.assert_allclose(turned @ turned.swapaxes(-1, -2), np.broadcast_to(np.eye(3), turned.shape), atol=1e-4)
+
+
+def test_one_lies_down_from_the_side_without_a_board():
+    for wall, sign in (("left", -1.0), ("right", 1.0)):
+        for place in ((2.0, 0.0), (-2.0, 0.0)):
+            assert sign * seat_of(FIGURE, bed(wall), place).stand[0] > 0.5
+    assert seat_of(FIGURE, bed(), (2.0, 0.0)).stand[0] > 0.5 > seat_of(FIGURE, bed(), (-2.0, 0.0)).stand[0]
+
+
+def obedient(state, intent, frames):
+    """A body that is wherever it is told to be: memory and command of every frame."""
+    shown = []
+    for _ in range(frames):
+        body = Body(*map(float, state.seat.stand[:2]), 0.0, 0.93)
+        if shown and shown[-1][1].active:
+            hips = shown[-1][1].seat.positions[0]
+            body = Body(float(hips[0]), float(hips[2]), 0.0, float(hips[1]))
+        state, command = control(FIGURE, state, intent, body)
+        shown.append((state, command))
+        if state.seat is None or state.mode not in (INTERACT, RISE):
+            break
+    return state, shown
+
+
+def test_control_sits_lies_and_gets_up_the_same_way():
+    goal = bed()
+    seat = seat_of(FIGURE, goal, (2.0, 0.0))
+    state, down = obedient(Control(Plan(0, 0), INTERACT, seat), goal, 200)
+    assert state.along == way().last
+    assert down[0][1].action == 2
+    assert down[-1][1].action == 3
+    np.testing.assert_array_equal(down[-1][1].seat.positions, seat.positions)
+    assert down[-1][1].urgency == 0.0
+    state, up = obedient(state, Idle(), 250)
+    lowest = [command.seat.positions[0] for _, command in up if command.active]
+    np.testing.assert_allclose(lowest[-1], way().edge.positions[0], atol=1e-6)
+    assert len(up) < 200
+    assert state.mode not in (INTERACT, RISE)
+
+
+def test_whoever_is_called_while_lying_down_turns_round_without_a_jump():
+    goal = bed()
+    state, down = obedient(Control(Plan(0, 0), INTERACT, seat_of(FIGURE, goal, (2.0, 0.0))), goal, 75)
+    assert 0 < state.along < way().last
+    again = CharacterState.from_bytes(CharacterState(np.zeros(358 + 12 * 22, np.float32), state).to_bytes()).control
+    assert (again.along, again.pace) == (state.along, state.pace)
+    _, up = obedient(state, Idle(), 30)
+    shown = np.stack([command.seat.positions for _, command in [*down[-30:], *up] if command.active])
+    assert np.linalg.norm(np.diff(shown, axis=0), axis=-1).max() < 0.08
+    assert up[-1][0].along < state.along
+
+
+@pytest.mark.skipif(not WEIGHTS.exists(), reason="weights/motion.safetensors is not there: train or fetch it")
+def test_shipped_weights_lie_down_and_get_up_at_once():
+    animator = Animator.load(WEIGHTS)
+    states, shown = played(animator, [animator.start((1.9, 0.2), -1.5, 0)], [bed()], frames=300)
+    far = [row[0].goal_distance for row in shown if row[0].goal_distance is not None]
+    assert far[-1] < 0.01
+    assert far[0] > 0.3  # told of the lying pose, not of the edge
+    states, after = played(animator, states, [Idle()], frames=210)
+    motion = np.stack([row[0].positions for row in [*shown, *after]])
+    assert np.linalg.norm(np.diff(motion, axis=0), axis=-1).max() < 0.15
+    assert after[-1][0].root_position[1] > 0.86
+    assert all(row[0].goal_distance is None for row in after)
+    assert gaps(motion.astype(np.float32)).min() > 0.0
