@@ -96,16 +96,17 @@ def _homing(answered: Tensor, present: Tensor, weight: Tensor, slack: float) -> 
     return 1 - weight * (1 - (most / size.clamp_min(1e-6)).clamp_max(1.0))
 
 
-def limit_turns(figure: Figure, before: Tensor, wanted: Tensor, active: Tensor) -> Tensor:
+def limit_turns(figure: Figure, before: Tensor, wanted: Tensor, active: Tensor, hurry: float = 1.0) -> Tensor:
     """World orientations [B, J, 3, 3] no farther from the last shown ones than bones turn in a frame.
 
-    Forward and inverse answers may differ by half a turn in a hand; interpolating those would snap. `active` [B].
+    Forward and inverse answers may differ by half a turn in a hand; interpolating those would snap. `active` [B];
+    `hurry` times as fast as bones turn by themselves.
     """
     cosine = ((before * wanted).sum((-1, -2)) - 1) / 2  # from the trace of the relative rotation
     angle = torch.acos(cosine.clamp(-1 + 1e-6, 1 - 1e-6))
     walking = torch.full_like(angle[0], _FASTEST_TURN[0])
     walking[figure.legs.flatten()] = _FASTEST_LEG
-    most = torch.where(active[:, None] > 0.5, _FASTEST_TURN[1], walking)
+    most = hurry * torch.where(active[:, None] > 0.5, _FASTEST_TURN[1], walking)
     share = (most / angle).clamp_max(1.0)[..., None]
     return torch.where(share[..., None] < 1, orthonormal(torch.lerp(six(before), six(wanted), share)), wanted)
 

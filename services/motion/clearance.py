@@ -20,7 +20,7 @@ from motion.figure import Figure, turn_between, unit
 
 _SKIN = 0.011  # [m] kept between body and furniture: the grid rounds thin parts off
 _ROUNDS = 3  # of pushing
-_FASTEST = 0.037, 0.04  # [m] a hand, a foot or the trunk is pushed per frame at most
+_FASTEST = 0.06, 0.04  # [m] a hand, a foot or the trunk is pushed per frame at most
 _MOVED = 0.01  # [m] a foot pushed farther than this cannot stay where it is
 _REACH = 0.9  # [m] from the hips to the furniture's box within which limbs may touch it
 _LET_GO = 0.6, 1.0  # settledness from which the push fades, and at which it is gone

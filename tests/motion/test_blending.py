@@ -32,6 +32,14 @@ def test_bones_turn_no_faster_than_allowed_and_arrive():
     torch.testing.assert_close(limit_turns(figure, now, small, torch.ones(1)), small)
 
 
+def test_in_a_hurry_bones_turn_by_that_much_farther():
+    figure = humanoid_figure()
+    now, far = torch.eye(3).expand(1, 22, 3, 3), _tilt(0.6).expand(1, 22, 3, 3)
+    turned = [limit_turns(figure, now, far, torch.ones(1), hurry) for hurry in (1.0, 1.25)]
+    calm, hurried = (torch.atan2(turn[..., 1, 0], turn[..., 0, 0]) for turn in turned)
+    torch.testing.assert_close(hurried, 1.25 * calm, atol=0.005, rtol=0)
+
+
 def _tilt(angle):
     c, s = torch.cos(torch.tensor(angle)), torch.sin(torch.tensor(angle))
     return torch.stack([torch.stack([c, -s, c * 0]), torch.stack([s, c, c * 0]), torch.tensor([0.0, 0.0, 1.0])])

@@ -71,7 +71,7 @@ def test_a_hand_in_the_furniture_comes_out_and_bones_keep_their_lengths():
         before = after
         _, cleared, _ = keep_clear(FIGURE, furniture, joints, cleared, torch.zeros(1))
         after = FIGURE.positions(joints[:, 0], cleared)
-        assert float((after - before).norm(dim=-1).max()) < 0.05
+        assert float((after - before).norm(dim=-1).max()) < 0.065
     left = 0.037 - float(furniture.distance(after[:, [FIGURE.skeleton.index("leftHand")]])[0])
     assert depth > 0.05
     assert left < 0.015
