@@ -189,19 +189,6 @@ def _gap(memory: Control, positions: np.ndarray, apart: np.ndarray) -> float | N
     return float(apart)
 
 
-def _apart(positions: Tensor, asked: Tensor, controls: Sequence[Control]) -> list[float | None]:
-    """Mean joint distance of `positions` [B, J, 3] to the goal poses of those who take or hold one [m].
-
-    The poses `asked` [B, J, 3] of the network are these, but for someone who is about to lie down.
-    """
-    ends = asked.clone()
-    for row, memory in enumerate(controls):
-        if memory.mode == INTERACT and memory.seat is not None and memory.seat.lying:
-            ends[row] = torch.from_numpy(memory.seat.positions)
-    gaps = torch.linalg.vector_norm(positions - ends, dim=-1).mean(-1).tolist()
-    return [gap if memory.mode == INTERACT else None for gap, memory in zip(gaps, controls, strict=True)]
-
-
 def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
     """The rows of characters that can touch their goal's furniture, and it."""
     rows, volumes, allowed, lying = [], [], [], []
