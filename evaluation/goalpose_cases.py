@@ -10,6 +10,7 @@ import trimesh
 from character.pose import Pose
 from character.rotation import quat_from_yaw, quat_rotate
 from goalpose.objects import Shape, load_shape
+from scipy.spatial.transform import Rotation
 
 from evaluation.goalpose_objects import EvaluationObject
 from evaluation.seat_region import SeatRegion, sample_mesh, seat_region
@@ -61,6 +62,30 @@ def tumbled_case(case: Case, seed: int) -> Case:
     vertices, faces = _mesh(turned, given=True)
     lying = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=-1)
     return replace(turned, given=_uploaded_mesh(lying, faces, up=None))
+
+
+def tilted_case(case: Case, seed: int) -> Case:
+    """A glTF file in which the object leans by 15 to 45° to a random side; to be set upright by the service."""
+    random = np.random.default_rng(seed)
+    side = random.uniform(-math.pi, math.pi)
+    lean = Rotation.from_rotvec(math.radians(random.uniform(15, 45)) * np.array([math.cos(side), 0.0, math.sin(side)]))
+    return _rotated_case(case, lean.as_matrix(), file_type="glb")
+
+
+def spun_case(case: Case, seed: int) -> Case:
+    """A file without an up axis in which the object is rotated at random in all three dimensions."""
+    rotation = Rotation.random(random_state=seed).as_matrix()
+    return _rotated_case(case, np.asarray(rotation), file_type="ply")
+
+
+def _rotated_case(case: Case, rotation: Array, *, file_type: str) -> Case:
+    """The upload rotated by `rotation` `[3, 3]`. What is not set upright is judged as if it was, and fails."""
+    vertices, faces = _mesh(case)
+    file = io.BytesIO()
+    trimesh.Trimesh(vertices @ rotation.T, faces, process=False).export(file, file_type=file_type)
+    given = load_shape(file.getvalue(), file_type, unit="m")
+    turn = given.object_to_world[:3, :3] @ rotation
+    return replace(case, given=given, yaw=math.atan2(turn[0, 2], turn[2, 2]))
 
 
 def scaled_case(case: Case, factor: float) -> Case:

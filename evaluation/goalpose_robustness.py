@@ -3,21 +3,32 @@
     roam evaluate goalpose robustness --objects DIR --json FILE [--plot FILE.png] [--limit 20] …
 
 Every object is sent at twelve headings to a person who begins at yaw 0, then turned and moved, with another up axis,
-too large and too small, and as a scan: noisy, with one side missing, from few or many points. Poses are judged on the
-object as it really is.
+tilted or rotated in any way, too large and too small, and as a scan: noisy, with one side missing, from few or many
+points. Poses are judged on the object as it really is.
 """
 
 import argparse
 import math
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
 from goalpose.objects import ObjectError
 from goalpose.synthesis import GoalPoseRequest, Synthesizer
 
-from evaluation.goalpose_cases import Case, cloud_case, faced_case, plain_case, scaled_case, tumbled_case, turned_case
+from evaluation.goalpose_cases import (
+    Case,
+    cloud_case,
+    faced_case,
+    plain_case,
+    scaled_case,
+    spun_case,
+    tilted_case,
+    tumbled_case,
+    turned_case,
+)
 from evaluation.goalpose_objects import EvaluationObject, add_object_options, chosen_objects
 from evaluation.goalpose_plots import plot_bars
 from evaluation.goalpose_runs import Run, run_case
@@ -31,6 +42,9 @@ UPLOADS: dict[str, Callable[[Case], Case]] = {
     "turned 1": partial(turned_case, seed=1),
     "turned 2": partial(turned_case, seed=2),
     "turned, Z up": partial(tumbled_case, seed=3),
+    "tilted 1": partial(tilted_case, seed=1),
+    "tilted 2": partial(tilted_case, seed=2),
+    "any rotation": partial(spun_case, seed=4),
     "size 0.8": partial(scaled_case, factor=0.8),
     "size 0.9": partial(scaled_case, factor=0.9),
     "size 1.1": partial(scaled_case, factor=1.1),
@@ -45,28 +59,40 @@ UPLOADS: dict[str, Callable[[Case], Case]] = {
 }
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What to ask for every object."""
+
+    headings: int
+    uploads: tuple[str, ...]
+
+
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(prog="roam evaluate goalpose robustness", description=__doc__.split("\n")[0])
     add_object_options(parser)
     parser.add_argument("--json", type=Path, help="keep all figures here; an interrupted run goes on from it")
     parser.add_argument("--plot", type=Path, help="success against each change (PNG)")
+    parser.add_argument(
+        "--headings", type=int, default=HEADINGS, help="headings of the upload, the first of them plain"
+    )
+    parser.add_argument("--uploads", nargs="*", choices=tuple(UPLOADS), default=tuple(UPLOADS), metavar="CHANGE")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--minutes", type=float, help="start no new object after this")
     return parser.parse_args(argv)
 
 
-def evaluate_object(synthesizer: Synthesizer, item: EvaluationObject, plan: None) -> list[Record]:
+def evaluate_object(synthesizer: Synthesizer, item: EvaluationObject, plan: Plan) -> list[Record]:
     """A run per heading and per change of the upload."""
     case = plain_case(item)
     runs = [run_case(synthesizer, case, GoalPoseRequest(initial_yaw=0.0), variant="heading 0")]
-    for k in range(1, HEADINGS):
-        degrees = 360 * k // HEADINGS
+    for k in range(1, plan.headings):
+        degrees = 360 * k // plan.headings
         faced = faced_case(case, math.radians(degrees))
         request = GoalPoseRequest(initial_yaw=0.0)
         runs.append(run_case(synthesizer, faced, request, variant=f"heading {degrees}", beside=runs[0]))
-    for variant, change in UPLOADS.items():
-        run = _changed(synthesizer, case, variant, change, plain=runs[0])
+    for variant in plan.uploads:
+        run = _changed(synthesizer, case, variant, UPLOADS[variant], plain=runs[0])
         runs += [] if run is None else [run]
     good = sum(run.success for run in runs)
     print(f"{item.category:12} {item.name[:46]:46} {good} of {len(runs)}", file=sys.stderr, flush=True)
@@ -89,9 +115,9 @@ def _changed(
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the study; 0 when it ran, whatever the figures."""
     options = parse(argv)
-    plan = {"headings": HEADINGS, "uploads": list(UPLOADS)}
-    ledger = Ledger(options.json, plan, summarise=summarise_variants, minutes=options.minutes)
-    run_study(ledger, chosen_objects(options), evaluate_object, None, load=shipped, jobs=options.jobs)
+    plan = Plan(options.headings, tuple(options.uploads))
+    ledger = Ledger(options.json, asdict(plan), summarise=summarise_variants, minutes=options.minutes)
+    run_study(ledger, chosen_objects(options), evaluate_object, plan, load=shipped, jobs=options.jobs)
     summary = ledger.report()["summary"]
     for variant, figures in summary.items():
         turn = figures["turn_error_m"] or {"median": math.nan, "p90": math.nan}

@@ -55,14 +55,15 @@ def plant(
     *,
     seated: Tensor,
     floor: Tensor,
+    near: Tensor,
     pushed: Tensor,
 ) -> Planted:
     """Brings the feet to where they belong.
 
     Args: `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the blended ones, `orientations` [B, J, 3, 3],
     `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B, 4] 1 where they belong on the
-    floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether furniture is where the shin of a foot
-    would be: such a foot is not held.
+    floor (0 when lying, or hanging from a high seat), `near` [B] 1 beside furniture, `pushed` [B, 2] whether furniture is
+    where the shin of a foot would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
     last = before[:, figure.contacts]
@@ -75,7 +76,7 @@ def plant(
     toes = last[:, 1::2]
     arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
     arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
-    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle, _yielding(characters))
+    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle, _yielding(characters, near))
     return Planted(hips, _feet_turned(figure, reached, arms), locks, weights)
 
 
@@ -164,10 +165,13 @@ def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
     return before + step * (most / vector_norm(step, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
 
 
-def _yielding(characters: Characters) -> Tensor:
-    """How far the pelvis may give way [B, 1, 1] [m]: little for those who walk, and go on walking for a second."""
+def _yielding(characters: Characters, near: Tensor) -> Tensor:
+    """How far the pelvis may give way [B, 1, 1] [m]: little for those who walk, and go on walking for a second.
+
+    Beside furniture feet must be able to do what they have to.
+    """
     way = vector_norm(characters.future[:, -1, :2] - characters.past[:, -1, :2], dim=-1)
-    walking = characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
+    walking = (1 - near) * characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
     return (_YIELD[1] + (_YIELD[0] - _YIELD[1]) * walking)[:, None, None]
 
 

@@ -2,9 +2,19 @@
 
 import numpy as np
 import pytest
+from goalpose.objects.distance import turn_about_y
 from seating import CHAIR, sitter
 
-from evaluation.goalpose_cases import cloud_case, faced_case, plain_case, scaled_case, tumbled_case, turned_case
+from evaluation.goalpose_cases import (
+    cloud_case,
+    faced_case,
+    plain_case,
+    scaled_case,
+    spun_case,
+    tilted_case,
+    tumbled_case,
+    turned_case,
+)
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +28,15 @@ def test_turning_and_another_up_axis_keep_the_size(chair):
     assert np.ptp(turned.given.bounds[:, 1]) == pytest.approx(height, abs=1e-3)
     assert tumbled.given.bounds == pytest.approx(turned.given.bounds, abs=1e-3)  # up was found
     assert turned.truth is chair.truth
+
+
+@pytest.mark.parametrize(("change", "seed"), [(tilted_case, 1), (tilted_case, 2), (spun_case, 3)])
+def test_a_chair_that_leans_is_given_upright_and_its_pose_is_brought_back(chair, change, seed):
+    leaning = change(chair, seed)
+    assert [warning.reason for warning in leaning.given.warnings] == ["OBJECT_TILTED"]
+    assert np.ptp(leaning.given.bounds[:, 1]) == pytest.approx(np.ptp(chair.truth.bounds[:, 1]), abs=0.01)
+    front = leaning.given.front @ turn_about_y(leaning.yaw)  # back to the canonical object's heading
+    assert front / np.linalg.norm(front) == pytest.approx([0.0, 0.0, 1.0], abs=0.02)
 
 
 def test_whoever_looks_along_z_begins_at_the_asked_heading(chair):

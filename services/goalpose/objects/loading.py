@@ -79,8 +79,8 @@ def _find_up(scaled: Geometry, *, given: str | None) -> tuple[Array, list[ShapeW
     turned = tilt.sure and given is None
     told = f"The object does not stand: it leans by {math.degrees(tilt.angle):.0f}°. "
     told += "It was set on its feet." if turned else "It was left so; set it on its feet if it should stand."
-    warnings.append(ShapeWarning("OBJECT_TILTED", told))
-    return (tilt.turn @ rotation if turned else rotation), warnings
+    leaning = ShapeWarning("OBJECT_TILTED", told)
+    return (tilt.turn @ rotation, [leaning]) if turned else (rotation, [*warnings, leaning])
 
 
 def _tilt(scaled: Geometry, rotation: Array, *, farthest: float) -> Tilt | None:

@@ -17,7 +17,7 @@ class ShapeWarning:
     """Something the sender should know about how the file was understood.
 
     Attributes:
-        reason: `OBJECT_UNIT_UNSURE`, `OBJECT_UP_UNSURE`, `OBJECT_SIZE_UNUSUAL`, …
+        reason: `OBJECT_UNIT_UNSURE`, `OBJECT_UP_UNSURE`, `OBJECT_TILTED`, …
         message: one sentence.
     """
 
