@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from motion.figure import Figure, turn_between, unit
-from motion.state import Characters
+from motion.state import Characters, strolling
 
 _ON, _OFF = 0.55, 0.35  # contact probability that starts and ends a lock
 _RELEASE, _STEP = 0.25, 0.09  # weight lost per frame: leaving the floor when walking, adjusting step when seated
@@ -30,7 +30,6 @@ _FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) a
 # [m] the pelvis gives way at most per frame: walking, where more would sink it into a lunge with every stride (people's
 # hips bob by 2 to 3 cm), and otherwise.
 _YIELD = 0.006, 0.02
-_STROLL = 0.5, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
 
@@ -170,8 +169,7 @@ def _yielding(characters: Characters, near: Tensor) -> Tensor:
 
     Beside furniture feet must be able to do what they have to.
     """
-    way = vector_norm(characters.future[:, -1, :2] - characters.past[:, -1, :2], dim=-1)
-    walking = (1 - near) * characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
+    walking = (1 - near) * strolling(characters)
     return (_YIELD[1] + (_YIELD[0] - _YIELD[1]) * walking)[:, None, None]
 
 

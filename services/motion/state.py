@@ -14,6 +14,7 @@ PAST = 31  # frames of history: -1 s to now
 FUTURE = 6  # keys after now: +1/6 s to +1 s
 KEYS = 13
 ACTIONS = ("idle", "walk", "sit", "lie")
+_STROLL = 0.5, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
 _ALONE, _OF_JOINT = 358, 12  # numbers of a character: without joints, and of every joint
 
 
@@ -63,6 +64,12 @@ def shapes_of(width: int) -> dict[str, tuple[int, ...]]:
         "settled": (),
         "blend": (),
     }
+
+
+def strolling(characters: Characters) -> Tensor:
+    """How much each one walks [B], 0..1: those who go on walking for a second, not who takes a few steps on the spot."""
+    way = torch.linalg.vector_norm(characters.future[:, -1, :2] - characters.past[:, -1, :2], dim=-1)
+    return characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
 
 
 def phase_vector(phase: Tensor) -> Tensor:

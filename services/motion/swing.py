@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from motion.figure import Figure, turn_about
-from motion.state import Characters
+from motion.state import Characters, strolling
 
 # Measured on steady walking at 0.7 to 1.0 m/s, clips of the training set beside the network: deviations of 7.5 to 5.5
 # degrees of the arm, of 4.3 to 3.6 degrees of the shoulders' turn against the hips.
@@ -24,8 +24,8 @@ _SIDES = ("left", "right")
 
 
 def walking(characters: Characters) -> Tensor:
-    """How much somebody walks [B]: not at all where a goal pose has begun to count."""
-    return characters.past[:, -1, 5].clamp(0.0, 1.0) * (1 - characters.blend).clamp(0.0, 1.0)
+    """How much somebody walks [B]: not at all where a goal pose has begun to count, or for the last steps before."""
+    return strolling(characters) * (1 - characters.blend).clamp(0.0, 1.0)
 
 
 @cache
