@@ -67,7 +67,7 @@ def shapes_of(width: int) -> dict[str, tuple[int, ...]]:
 
 
 def strolling(characters: Characters) -> Tensor:
-    """How much each one walks [B], 0..1: those who go on walking for a second, not who takes a few steps on the spot."""
+    """How much each one walks [B], 0..1: those who go on for a second, not who takes a few steps on the spot."""
     way = torch.linalg.vector_norm(characters.future[:, -1, :2] - characters.past[:, -1, :2], dim=-1)
     return characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
 
