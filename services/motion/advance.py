@@ -39,7 +39,6 @@ class Proposal:
     future: Tensor  # [B, 6, 9] future keys in the world
     seated: Tensor  # [B] the bidirectional weight
     settled: Tensor  # [B] see `Characters`
-    near: Tensor  # [B] 1 where furniture is within reach
 
 
 def advance(
@@ -90,7 +89,6 @@ def propose(figure: Figure, output: Tensor, characters: Characters, goals: Goals
         future=_future(characters, answer, root, facing, goals),
         seated=seated,
         settled=settled,
-        near=torch.zeros_like(settled),
     )
 
 
@@ -103,16 +101,15 @@ def cleared(
 ) -> tuple[Proposal, Tensor]:
     """The proposal out of the furniture, and which feet [B, 2] had to move for it."""
     wanted, orientations = proposal.wanted.clone(), proposal.orientations.clone()
-    pushed, near = torch.zeros_like(wanted[:, :2, 0], dtype=torch.bool), proposal.near.clone()
+    pushed = torch.zeros_like(wanted[:, :2, 0], dtype=torch.bool)
     if around is not None:
         rows, furniture = around
-        near[rows] = 1.0
         wanted[rows], turned, pushed[rows] = keep_clear(
             figure, furniture, wanted[rows], orientations[rows], proposal.settled[rows]
         )
         # Out of the furniture, but hardly faster than without: a hand pushed as it turns would snap.
         orientations[rows] = limit_turns(figure, characters.orientations[rows], turned, goals.active[rows], _HURRY)
-    return replace(proposal, wanted=wanted, orientations=orientations, near=near), pushed
+    return replace(proposal, wanted=wanted, orientations=orientations), pushed
 
 
 def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: Tensor) -> tuple[Characters, Tensor]:
@@ -126,7 +123,6 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
         proposal.contacts,
         seated=proposal.seated,
         floor=proposal.floor,
-        near=proposal.near,
         pushed=pushed,
     )
     after = figure.positions(feet.hips, feet.orientations)

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from motion.figure import Figure, turn_between, unit
-from motion.state import Characters, strolling
+from motion.state import Characters
 
 _ON, _OFF = 0.55, 0.35  # contact probability that starts and ends a lock
 _RELEASE, _STEP = 0.25, 0.09  # weight lost per frame: leaving the floor when walking, adjusting step when seated
@@ -27,9 +27,7 @@ _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
 _FLATTEST = 0.99  # share of a foot's length that it covers of the floor at most
 _REACH = 0.998  # share of the leg's length that counts as straight
 _FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) and when seated
-# [m] the pelvis gives way at most per frame: walking, where more would sink it into a lunge with every stride (people's
-# hips bob by 2 to 3 cm), and otherwise.
-_YIELD = 0.006, 0.02
+_YIELD = 0.02  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
 
@@ -54,14 +52,13 @@ def plant(
     *,
     seated: Tensor,
     floor: Tensor,
-    near: Tensor,
     pushed: Tensor,
 ) -> Planted:
     """Brings the feet to where they belong.
 
     Args: `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the blended ones, `orientations` [B, J, 3, 3],
     `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B, 4] 1 where they belong on the
-    floor (0 when lying, or hanging from a high seat), `near` [B] 1 beside furniture, `pushed` [B, 2] whether furniture
+    floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether furniture
     is where the shin of a foot would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
@@ -75,7 +72,7 @@ def plant(
     toes = last[:, 1::2]
     arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
     arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
-    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle, _yielding(characters, near))
+    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle)
     return Planted(hips, _feet_turned(figure, reached, arms), locks, weights)
 
 
@@ -164,24 +161,14 @@ def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
     return before + step * (most / vector_norm(step, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
 
 
-def _yielding(characters: Characters, near: Tensor) -> Tensor:
-    """How far the pelvis may give way [B, 1, 1] [m]: little for those who walk, and go on walking for a second.
-
-    Beside furniture feet must be able to do what they have to.
-    """
-    walking = (1 - near) * strolling(characters)
-    return (_YIELD[1] + (_YIELD[0] - _YIELD[1]) * walking)[:, None, None]
-
-
-def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor, most: Tensor) -> tuple[Tensor, Tensor]:
-    """Hips and orientations with both ankles at `ankle` [B, 2, 3]; the pelvis gives way, by at `most` so much [B, 1, 1]
-    [m], when a leg is too short."""
+def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) -> tuple[Tensor, Tensor]:
+    """Hips and orientations with both ankles at `ankle` [B, 2, 3]; the pelvis gives way when a leg is too short."""
     joints = figure.positions(hips, orientations)
     thigh, shin, foot = (figure.legs[:, i] for i in range(3))
     length = figure.lengths[shin] + figure.lengths[foot]
     stretch = ankle - joints[:, thigh]
     reach = vector_norm(stretch, dim=-1, keepdim=True).clamp_min(1e-6)
-    excess = (reach - _REACH * length[:, None]).clamp_min(0.0).minimum(most) * stretch / reach
+    excess = (reach - _REACH * length[:, None]).clamp(0.0, _YIELD) * stretch / reach
     size = vector_norm(excess, dim=-1, keepdim=True)
     shift = torch.where(size[:, 0] > size[:, 1], excess[:, 0], excess[:, 1])
     hips, joints = hips + shift, joints + shift[:, None]

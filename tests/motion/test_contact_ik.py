@@ -18,7 +18,7 @@ def planted(figure, characters, before, wanted, contacts, seated=0.0):
     feet = plant(
         figure, characters, before, wanted, characters.orientations, contacts,
         seated=torch.tensor([seated]), floor=torch.ones(1, 4),
-        near=torch.zeros(1), pushed=torch.zeros(1, 2, dtype=torch.bool),
+        pushed=torch.zeros(1, 2, dtype=torch.bool),
     )  # fmt: skip
     characters = replace(characters)
     characters.locks, characters.lock_weights = feet.locks, feet.weights
