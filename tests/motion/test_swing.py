@@ -48,6 +48,8 @@ def test_who_does_not_walk_is_left_alone():
     torch.testing.assert_close(same, characters.orientations)
     assert float(walking(characters)) == 0.0
     characters.past[:, -1, 4:8] = torch.tensor([0.0, 1.0, 0.0, 0.0])
+    assert float(walking(characters)) == 0.0  # steps on the spot, as before a seat
+    characters.future[:, -1, 1] += 0.9
     assert float(walking(characters)) == 1.0
     characters.blend[:] = 1.0
     assert float(walking(characters)) == 0.0
