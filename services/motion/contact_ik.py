@@ -58,8 +58,8 @@ def plant(
 
     Args: `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the blended ones, `orientations` [B, J, 3, 3],
     `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B, 4] 1 where they belong on the
-    floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether furniture
-    is where the shin of a foot would be: such a foot is not held.
+    floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether furniture is where the shin of a foot
+    would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
     last = before[:, figure.contacts]
