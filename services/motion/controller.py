@@ -6,14 +6,15 @@ the furniture and a lying pose, both ways, the goal pose moves along a planned w
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from motion.features import goal_shapes
 from motion.figure import Figure
 from motion.intent import Goal, Idle, Intent, Steer
-from motion.planner import Plan, Steering, Target, follow, plan_keys, wrap
+from motion.planner import Aim, Plan, Steering, Target, follow, plan_keys, wrap
 from motion.reclining import Reclining, reclining_of
 from motion.rows import row_width, split_array
 from motion.seat import Seat, outlines_of, seat_of
@@ -36,8 +37,7 @@ _PAUSE = 6  # frames on the edge before getting up from it
 _RISE_LIMIT = 12 * FRAME_RATE  # frames after which rising is given up for standing
 
 
-@dataclass(frozen=True)
-class Control:
+class Control(NamedTuple):
     """The controller's own memory of one character."""
 
     plan: Plan
@@ -50,8 +50,7 @@ class Control:
     pace: float = 0.0  # frames of that way per frame, negative when getting up
 
 
-@dataclass(frozen=True)
-class Body:
+class Body(NamedTuple):
     """What the controller looks at: root x, z, yaw, hip height, and the middle of the ankles on the floor [m]."""
 
     x: float
@@ -61,41 +60,61 @@ class Body:
     feet: tuple[float, float] | None = None  # None: under the root
 
 
-@dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """Network goals of one character for one frame."""
 
     places: np.ndarray  # [13, 2]
     directions: np.ndarray  # [13, 2]
     action: int
     active: bool
-    seat: Seat | None = field(default=None)
+    seat: Seat | None = None
     urgency: float = 0.0
 
 
-def control(figure: Figure, state: Control, intent: Intent, body: Body) -> tuple[Control, Command]:
-    """The controller's next memory and the network's goals."""
-    state = replace(state, since=state.since + 1, clock=state.clock + 1 / FRAME_RATE)
+def control(
+    figure: Figure, states: Sequence[Control], intents: Sequence[Intent], bodies: Sequence[Body]
+) -> tuple[list[Control], list[Command]]:
+    """The controller's next memory of every character, and the network's goals."""
+    after = [_decided(figure, *character) for character in zip(states, intents, bodies, strict=True)]
+    commands = {row: _seated(figure, s, s.seat) for row, s in enumerate(after) if s.mode != FREE and s.seat is not None}
+    free = [row for row in range(len(after)) if row not in commands]
+    aims = [_aim(figure, after[row], intents[row]) for row in free]
+    for row, aim in zip(free, aims, strict=True):
+        x, z = _anchor(aim, bodies[row])
+        plan = follow(after[row].plan, aim, x, z, bodies[row].yaw, 1 / FRAME_RATE)
+        after[row] = after[row]._replace(plan=plan)
+    walks = _walks([after[row].plan for row in free], aims, [bodies[row] for row in free])
+    commands.update(zip(free, walks, strict=True))
+    return after, [commands[row] for row in range(len(after))]
+
+
+def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
+    """The memory with the mode of this frame."""
+    state = state._replace(since=state.since + 1, clock=state.clock + 1 / FRAME_RATE)
     if state.mode == INTERACT and _leaves(figure, state, intent, body):
-        state = replace(state, mode=RISE, since=0)
+        state = state._replace(mode=RISE, since=0)
     if state.mode != FREE and state.seat is not None and state.seat.lying:
         state = _reclined(reclining_of(figure, state.seat), state, body)
     if state.mode == RISE and state.along == 0 and (_stands(state, body) or state.since > _RISE_LIMIT):
         state = Control(Plan(body.x, body.z, yaw=body.yaw), clock=state.clock)
-    if state.mode == FREE:
-        state = _approach(figure, state, intent, body)
-    if state.mode != FREE and state.seat is not None:
-        return state, _seated(figure, state, state.seat)
-    aim = _aim(figure, state, intent)
-    x, z = _anchor(aim, body)
-    plan = follow(state.plan, aim, x, z, body.yaw, 1 / FRAME_RATE)
-    places, directions = plan_keys(plan, aim)
-    still = math.hypot(*(places[4] - places[0])) < 0.1 and float(directions[4] @ directions[0]) > 0.95
-    # Off balance, or still under way: take a step.
-    feet = body.feet or (body.x, body.z)
-    still &= math.hypot(plan.vx, plan.vz) < 0.15 and math.hypot(feet[0] - body.x, feet[1] - body.z) < _BALANCED
-    action = ACTIONS.index("idle" if still else "walk")
-    return replace(state, plan=plan), Command(places, directions, action, False)
+    return _approach(figure, state, intent, body) if state.mode == FREE else state
+
+
+def _walks(plans: Sequence[Plan], aims: Sequence[Aim], bodies: Sequence[Body]) -> list[Command]:
+    """What is asked of those who walk or stand: to go where their plans do."""
+    places, directions = plan_keys(plans, aims)
+    gone = np.hypot(*(places[:, 4] - places[:, 0]).T).tolist()
+    alike = (directions[:, 4] * directions[:, 0]).sum(1).tolist()
+    idle, walk = ACTIONS.index("idle"), ACTIONS.index("walk")
+    commands = []
+    for row, (plan, body) in enumerate(zip(plans, bodies, strict=True)):
+        feet = body.feet or (body.x, body.z)
+        still = gone[row] < 0.1 and alike[row] > 0.95
+        # Off balance, or still under way: take a step.
+        still = still and math.hypot(plan.vx, plan.vz) < 0.15
+        still = still and math.hypot(feet[0] - body.x, feet[1] - body.z) < _BALANCED
+        commands.append(Command(places[row], directions[row], idle if still else walk, False))
+    return commands
 
 
 def _seated(figure: Figure, state: Control, seat: Seat) -> Command:
@@ -112,7 +131,7 @@ def _seated(figure: Figure, state: Control, seat: Seat) -> Command:
         elif state.along > 0:
             urgency = max(state.along / _HANDOVER[0], urgency)
     command = _hold(seat.root, ACTIONS.index("lie" if lies else "sit"), seat)
-    return replace(command, urgency=min(max(urgency, 0.0), 1.0))
+    return command._replace(urgency=min(max(urgency, 0.0), 1.0))
 
 
 def _reclined(way: Reclining, state: Control, body: Body) -> Control:
@@ -126,7 +145,7 @@ def _reclined(way: Reclining, state: Control, body: Body) -> Control:
         pace = min(max(target, state.pace - _REVERSAL), state.pace + _REVERSAL)
     along = min(max(state.along + pace, 0.0), end)
     arrived = along in (0.0, end) and along != state.along
-    return replace(state, along=along, pace=pace, since=0 if arrived else state.since)
+    return state._replace(along=along, pace=pace, since=0 if arrived else state.since)
 
 
 def _sat(edge: Seat, state: Control, body: Body) -> bool:
@@ -135,7 +154,7 @@ def _sat(edge: Seat, state: Control, body: Body) -> bool:
     return (apart < _SAT[0] and state.since > _SAT[1]) or state.since > _LATE + _URGENT
 
 
-def _anchor(aim: Target | Steering, body: Body) -> tuple[float, float]:
+def _anchor(aim: Aim, body: Body) -> tuple[float, float]:
     """Where the plan belongs: at the root, but when standing still over the feet, or they lean on each other."""
     stands = isinstance(aim, Steering) and math.hypot(aim.vx, aim.vz) < 0.05
     return body.feet if stands and body.feet is not None else (body.x, body.z)
@@ -157,7 +176,7 @@ def _stands(state: Control, body: Body) -> bool:
 def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
     """Keeps the seat of the goal in mind, and begins the interaction on arrival."""
     if not isinstance(intent, Goal):
-        return state if state.seat is None and not state.waiting else replace(state, seat=None, waiting=0)
+        return state if state.seat is None and not state.waiting else state._replace(seat=None, waiting=0)
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
         seat = seat_of(figure, intent, (body.x, body.z))
@@ -166,11 +185,11 @@ def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Con
     turned = abs(wrap(body.yaw - math.atan2(stand[2], stand[3])))
     waiting = state.waiting + 1 if apart < _CLOSE[0] and turned < _CLOSE[1] else 0
     if (apart < _ARRIVED[0] and turned < _ARRIVED[1]) or waiting > _PATIENCE:
-        return replace(state, mode=INTERACT, seat=seat, since=0, waiting=0)
-    return replace(state, seat=seat, waiting=waiting)
+        return state._replace(mode=INTERACT, seat=seat, since=0, waiting=0)
+    return state._replace(seat=seat, waiting=waiting)
 
 
-def _aim(figure: Figure, state: Control, intent: Intent) -> Target | Steering:
+def _aim(figure: Figure, state: Control, intent: Intent) -> Aim:
     if isinstance(intent, Goal) and state.seat is not None:
         x, z, dx, dz = map(float, state.seat.stand)
         outlines = outlines_of(figure, intent)

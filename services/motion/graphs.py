@@ -21,7 +21,7 @@ from motion.living import alive, stillness
 from motion.rows import join, row_width, split_array
 from motion.state import Characters, characters_width
 from motion.swing import swinging, walking
-from motion.torchscript import running, traced
+from motion.torchscript import frozen, running
 
 _EXAMPLES = 2  # characters that the graphs are traced with; they hold for any number
 _SNORM16 = 32767
@@ -67,9 +67,9 @@ class Graphs:
 
         numbers = torch.zeros(_EXAMPLES, sum(self._widths))
         proposal, pushed = self._cleared(numbers, proposed(numbers), None)
-        self._bodies, self._propose = traced(seen, numbers[:, : self._widths[0]]), traced(proposed, numbers)
-        self._show = traced(shown, numbers, pushed, *vars(proposal).values())
-        self._step = traced(stepped, numbers)
+        self._bodies, self._propose = frozen(seen, numbers[:, : self._widths[0]]), frozen(proposed, numbers)
+        self._show = frozen(shown, numbers, pushed, *vars(proposal).values())
+        self._step = frozen(stepped, numbers)
 
     def bodies(self, rows: np.ndarray) -> list[list[float]]:
         """Of every character x, z, the direction it faces, the hips' height, and the middle of its ankles x, z."""

@@ -4,7 +4,7 @@ import json
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +58,7 @@ class CharacterState:
         depths = len(parts[-1]) if tail else 0
         times = memory.clock, memory.along, memory.pace
         integers = memory.mode, memory.since, memory.waiting, kind, len(self.row), depths
-        head = _HEAD.pack(_MARK, *integers, *vars(memory.plan).values(), *times)
+        head = _HEAD.pack(_MARK, *integers, *memory.plan, *times)
         return head + b"".join(part.astype("<f4").tobytes() for part in parts) + tail
 
     @staticmethod
@@ -159,11 +159,9 @@ class Animator:
         bodies = [
             Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in self._graphs.bodies(rows)
         ]
-        memories, commands = [], []
-        for state, intent, body in zip(states, intents, bodies, strict=True):
-            memory, command = control(self.figure, state.control, intent, body)
-            memories.append(memory)
-            commands.append(command if self._blending.settling else replace(command, urgency=0.0))
+        memories, commands = control(self.figure, [state.control for state in states], intents, bodies)
+        if not self._blending.settling:
+            commands = [command._replace(urgency=0.0) for command in commands]
         goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
         shown = self._graphs.step(rows, goals, clock, _around(memories, bodies))
         frames = _frames(shown, memories)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.jit._fuser import optimized_execution
 
 
@@ -19,6 +19,26 @@ def traced(function: Callable[..., Any], *example: Tensor) -> Callable[..., Any]
     with _making():
         graph: Callable[..., Any] = torch.jit.trace(function, example, check_trace=False)
     return graph
+
+
+def frozen(function: Callable[..., Any], *example: Tensor) -> Callable[..., Any]:
+    """The same with all folded that does not depend on the tensors; no other graph can call it."""
+    with _making():
+        graph: Callable[..., Any] = torch.jit.freeze(torch.jit.trace(_Held(function), example, check_trace=False))
+    return graph
+
+
+class _Held(nn.Module):
+    """A function as a module: nothing else can be frozen."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__()
+        self._function = function
+        self.eval()
+
+    def forward(self, *tensors: Tensor) -> Any:
+        """What the function answers."""
+        return self._function(*tensors)
 
 
 def scripted(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -5,8 +5,10 @@ import torch
 from character.pose import Pose, rest_pose
 from character.rotation import quat_from_rotvec, quat_to_matrix
 from character.skeleton import humanoid_skeleton
+from motion.controller import Body, Command, Control, control
 from motion.features import Goals, network_config
 from motion.figure import humanoid_figure
+from motion.intent import Intent
 from motion.network import MotionNetwork, Normaliser
 from motion.step import Animator
 
@@ -50,3 +52,9 @@ def goals_at(pose: Pose, action: int, *, active: bool) -> Goals:
         pose_orientations=orientations,
         urgency=torch.zeros(1),
     )
+
+
+def controlled(state: Control, intent: Intent, body: Body) -> tuple[Control, Command]:
+    """One frame of the controller for one character."""
+    (state,), (command,) = control(humanoid_figure(), [state], [intent], [body])
+    return state, command

@@ -1,12 +1,12 @@
 import math
 
 import numpy as np
-from motion.controller import FREE, INTERACT, RISE, Body, Control, control
+from motion.controller import FREE, INTERACT, RISE, Body, Control
 from motion.figure import humanoid_figure
 from motion.planner import Plan
 from motion.seat import seat_of
 from motion.step import Goal, Idle, Steer
-from standing import seated_pose
+from standing import controlled, seated_pose
 
 FIGURE = humanoid_figure()
 
@@ -15,7 +15,7 @@ def follow_plan(intent, body, frames=400):
     """A body that is wherever the plan is."""
     state = Control(Plan(body.x, body.z, yaw=body.yaw))
     for _ in range(frames):
-        state, command = control(FIGURE, state, intent, body)
+        state, command = controlled(state, intent, body)
         if state.mode != FREE:
             break
         body = Body(state.plan.x, state.plan.z, state.plan.yaw, body.height)
@@ -36,13 +36,13 @@ def test_another_command_makes_a_seated_character_rise_first():
     goal = Goal(seated_pose())
     seated = Body(0.0, 0.0, 0.0, 0.56)
     state = Control(Plan(0, 0), INTERACT, seat_of(FIGURE, goal, (0.0, 0.0)))
-    held, command = control(FIGURE, state, goal, seated)
+    held, command = controlled(state, goal, seated)
     assert (held.mode, command.active) == (INTERACT, True)
     for intent in (Idle(), Steer(np.array([0.0, 1.0])), Goal(seated_pose(ahead=2.0))):
-        rising, command = control(FIGURE, state, intent, seated)
+        rising, command = controlled(state, intent, seated)
         assert (rising.mode, command.active) == (RISE, False)
         np.testing.assert_allclose(command.places[0], state.seat.stand[:2])
-    up, _ = control(FIGURE, rising, Idle(), Body(*map(float, state.seat.stand[:2]), 0.0, 0.93))
+    up, _ = controlled(rising, Idle(), Body(*map(float, state.seat.stand[:2]), 0.0, 0.93))
     assert up.mode == FREE
 
 
@@ -60,10 +60,9 @@ def test_lying_is_approached_from_the_asked_side():
 def test_steering_sets_the_path_and_the_action():
     state = Control(Plan(0, 0))
     for _ in range(20):
-        state, command = control(
-            FIGURE, state, Steer(np.array([0.8, 0.0])), Body(state.plan.x, state.plan.z, state.plan.yaw, 0.95)
+        state, command = controlled(state, Steer(np.array([0.8, 0.0])), Body(state.plan.x, state.plan.z, state.plan.yaw, 0.95)
         )
     assert command.action == 1
     assert command.places[-1, 0] - command.places[0, 0] > 1.2
-    _, command = control(FIGURE, Control(Plan(0, 0)), Idle(), Body(0, 0, 0, 0.95))
+    _, command = controlled(Control(Plan(0, 0)), Idle(), Body(0, 0, 0, 0.95))
     assert command.action == 0

@@ -39,7 +39,7 @@ def test_steering_reaches_the_wanted_velocity_and_facing():
     plan, _ = walk(Plan(0, 0), Steering(0.0, -0.5, 0.0), 3)
     assert plan.vz == pytest.approx(-0.5, abs=0.01)
     assert plan.yaw == pytest.approx(0.0, abs=0.05)
-    places, directions = plan_keys(plan, Steering(0.0, -0.5, 0.0))
+    (places,), (directions,) = plan_keys([plan], [Steering(0.0, -0.5, 0.0)])
     assert places.shape == directions.shape == (13, 2)
     assert places[-1, 1] - places[0, 1] == pytest.approx(-1.0, abs=0.05)
 
@@ -53,10 +53,27 @@ def test_the_plan_stays_near_the_character():
 
 def test_keys_are_the_plan_that_is_followed():
     way = ((0.5, 3.0), (0.5, 3.0), (1.2, 1.0), (0.0, 0.4))  # begins with a leg of no length
-    for aim in (Target(0.0, 0.4, 0.3, way), Steering(0.4, -0.6, None), Steering(0.0, 0.0, None)):
-        plan = Plan(0.5, 3.0, 0.1, -0.2, 3.0, 0.4)
-        places, directions = plan_keys(plan, aim)
-        for place, direction in zip(places, directions, strict=True):
+    aims = (
+        Target(0.0, 0.4, 0.3, way),
+        Steering(0.4, -0.6, None),
+        Steering(0.0, 0.0, None),
+        Steering(0.2, 0.1, -3.0),
+        Steering(0.0, 0.0, 1.0),
+    )
+    plans = [Plan(0.5, 3.0, 0.1, -0.2, 3.0, 0.4 * sign) for sign in (1, -1, 3, -9, 9)]
+    together = plan_keys(plans, aims)
+    for plan, aim, *keys in zip(plans, aims, *together, strict=True):
+        for place, direction in zip(*keys, strict=True):
             np.testing.assert_allclose(place, (plan.x, plan.z), atol=1e-6)
             np.testing.assert_allclose(direction, (math.sin(plan.yaw), math.cos(plan.yaw)), atol=1e-6)
             plan = advance_plan(advance_plan(plan, aim, 1 / 12), aim, 1 / 12)
+
+
+def test_keys_are_the_same_to_the_bit_in_any_company():
+    rng = np.random.default_rng(0)
+    plans = [Plan(*numbers) for numbers in rng.normal(size=(70, 6))]
+    aims = [Steering(*rng.normal(size=2), None if row % 3 else float(rng.normal())) for row in range(70)]
+    together = plan_keys(plans, aims)
+    for row in range(70):
+        alone = plan_keys(plans[row : row + 1], aims[row : row + 1])
+        assert all(np.array_equal(one[0], of_all[row]) for one, of_all in zip(alone, together, strict=True))

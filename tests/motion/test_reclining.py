@@ -9,7 +9,7 @@ from character.pose import Pose, rest_pose
 from character.rotation import quat_from_rotvec
 from character.skeleton import humanoid_skeleton
 from motion.clearance import furniture_of
-from motion.controller import INTERACT, RISE, Body, Control, control
+from motion.controller import INTERACT, RISE, Body, Control
 from motion.figure import humanoid_figure
 from motion.intent import Goal, Idle
 from motion.planner import Plan
@@ -18,6 +18,7 @@ from motion.seat import seat_of
 from motion.step import Animator, CharacterState
 from test_clearance import box
 from test_step import WEIGHTS, played
+from standing import controlled
 
 FIGURE = humanoid_figure()
 NAMES = FIGURE.skeleton
@@ -112,7 +113,7 @@ def obedient(state, intent, frames):
         if shown and shown[-1][1].active:
             hips = shown[-1][1].seat.positions[0]
             body = Body(float(hips[0]), float(hips[2]), 0.0, float(hips[1]))
-        state, command = control(FIGURE, state, intent, body)
+        state, command = controlled(state, intent, body)
         shown.append((state, command))
         if state.seat is None or state.mode not in (INTERACT, RISE):
             break
