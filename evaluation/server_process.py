@@ -19,13 +19,16 @@ class ServerProcess:
     grpc: str
 
     def processor_seconds(self) -> float:
-        """User and system time so far [s]."""
-        times = psutil.Process(self.process.pid).cpu_times()
-        return float(times.user + times.system)
+        """User and system time so far [s], of its own process and those that it has started."""
+        return float(sum(times.user + times.system for times in (one.cpu_times() for one in self._processes())))
 
     def memory(self) -> int:
-        """Resident memory [bytes]."""
-        return int(psutil.Process(self.process.pid).memory_info().rss)
+        """Resident memory [bytes] of all its processes; what they share counts in each."""
+        return sum(int(one.memory_info().rss) for one in self._processes())
+
+    def _processes(self) -> list[psutil.Process]:
+        own = psutil.Process(self.process.pid)
+        return [own, *own.children(recursive=True)]
 
 
 @contextmanager

@@ -23,7 +23,8 @@ from motion.application import MotionApplication
 from motion.build import build_name
 from motion.http import motion_router
 from motion.settings import MotionSettings
-from motion.step import Animator, Idle
+from motion.step import Animator
+from motion.step_process import StepProcess
 from motion.store import SessionStore
 from motion.store_redis import RedisStore
 from motion.websocket import websocket_router
@@ -31,11 +32,12 @@ from motion.websocket import websocket_router
 SHIPPED_WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
 
 
-def _load(weights: Path) -> tuple[Animator, str]:
-    """The network, and the hash that GetServerInfo tells."""
-    animator = Animator.load(weights)
-    animator.step([animator.start((0.0, 0.0), 0.0, 0)], [Idle()])  # the first step is slow: let no client wait for it
-    return animator, f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
+def _load(weights: Path, settings: MotionSettings) -> tuple[Animator, StepProcess | None]:
+    """The network, and the process that steps where it is not this one."""
+    if not settings.step_process:
+        return Animator.load(weights).warmed(), None
+    stepping = StepProcess(weights, torch_threads=settings.torch_threads)
+    return Animator.load(weights), stepping
 
 
 def _store(settings: MotionSettings) -> SessionStore | None:
@@ -58,6 +60,7 @@ class MotionService:
     def __init__(self, settings: MotionSettings) -> None:
         self._settings = settings
         self._application: MotionApplication | None = None
+        self._stepping: StepProcess | None = None
         self._models: dict[str, str] = {}
         self._skeleton = humanoid_skeleton()
         self.skeletons = [skeleton_message(self._skeleton, body_capsules(self._skeleton))]
@@ -78,7 +81,8 @@ class MotionService:
         weights = Path(self._settings.motion_weights) if self._settings.motion_weights else SHIPPED_WEIGHTS
         if not weights.exists():
             raise FileNotFoundError(f"no motion weights at {weights}; train them with `roam train motion`")
-        animator, digest = await asyncio.to_thread(_load, weights)
+        animator, self._stepping = await asyncio.to_thread(_load, weights, self._settings)
+        digest = f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
         self._models = {"motion": digest}
         header = self.skeletons[0].skeleton
         self._application = MotionApplication(
@@ -88,6 +92,7 @@ class MotionService:
             self._settings,
             metrics.registry,
             store=_store(self._settings),
+            frames=self._stepping.frames if self._stepping else None,
             build=build_name(digest),
             on_health=partial(_tell_health, readiness),
         )
@@ -110,9 +115,11 @@ class MotionService:
             await self._application.drain()
 
     async def close(self) -> None:
-        """Stops the ticker."""
+        """Stops the ticker and the process that steps."""
         if self._application is not None:
             await self._application.close()
+        if self._stepping is not None:
+            await asyncio.to_thread(self._stepping.close)
 
     def _loaded(self) -> MotionApplication:
         if self._application is None:

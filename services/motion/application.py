@@ -4,6 +4,7 @@ import asyncio
 import re
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from time import time
 from typing import Protocol
 from uuid import uuid4
@@ -25,6 +26,7 @@ from motion.sessions import FrameRecord, Session
 from motion.settings import MotionSettings
 from motion.state import FRAME_RATE
 from motion.step import CharacterState, FrameData, Intent
+from motion.stepping import Frames, frames_of
 from motion.store import Claim, SessionRecord, SessionStore, StoreDownError
 from motion.store_memory import MemoryStore
 from motion.stream import FrameStream, Item, StreamStart
@@ -51,7 +53,7 @@ class StepsCharacters(Protocol):
 class MotionApplication:
     """Sessions, the ticker that moves them, and the streams that read them. All methods run on the event loop.
 
-    `build` names what computes the frames; `restore` reads a character's state back. With a shared `store` other
+    `frames` are computed by the animator unless something else does, and `build` names what; `restore` reads a character's state back. With a shared `store` other
     replicas take sessions over when this one is gone.
     """
 
@@ -66,6 +68,7 @@ class MotionApplication:
         clock: Callable[[], float] = time,
         store: SessionStore | None = None,
         restore: Callable[[bytes], CharacterState] = CharacterState.from_bytes,
+        frames: Frames | None = None,
         build: str = "",
         on_health: Callable[[bool], None] = lambda well: None,
     ) -> None:
@@ -82,7 +85,8 @@ class MotionApplication:
             on_health=on_health,
             on_progress=lambda: self.ticker.wake(),
         )
-        self.ticker = Ticker(self.sessions, self.ownership, animator.step, frame_rate=FRAME_RATE, registry=registry)
+        frames = frames or partial(frames_of, animator.step)
+        self.ticker = Ticker(self.sessions, self.ownership, frames, frame_rate=FRAME_RATE, registry=registry)
         self._metrics = StreamMetrics(registry)
         self._animator = animator
         self._skeleton = skeleton

@@ -14,6 +14,7 @@ class MotionSettings(ServerSettings):
     burst_frames: int = Field(60, ge=1, description="how far a BURST stream is computed ahead of its reader [frames]")
     ack_window: int = Field(12, ge=4, description="unacknowledged frames that a client which acknowledges may have")
     motion_weights: str = Field("", description="weights of the network; empty: the shipped ones")
+    step_process: bool = Field(True, description="compute frames in a process of their own, beside the one that sends")
     goal_tolerance: float = Field(0.05, gt=0, description="mean joint distance at which a goal counts as reached [m]")
     session_store: str = Field(
         "memory",

@@ -5,6 +5,7 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +119,12 @@ class Animator:
         blending: Blending = WHOLE,
     ) -> None:
         self.figure, self._blending, self._starts = figure, blending, starts
-        self._graphs = Graphs(figure, Prediction(network, normaliser), blending)
+        self._network, self._normaliser = network, normaliser
+
+    @cached_property
+    def _graphs(self) -> Graphs:
+        """Made for the first step: a server that steps elsewhere only starts characters."""
+        return Graphs(self.figure, Prediction(self._network, self._normaliser), self._blending)
 
     @staticmethod
     def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
@@ -147,6 +153,11 @@ class Animator:
         hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
         batch = _standing(self.figure, hips, orientations, float(rng.random()))
         return CharacterState(batch.rows()[0].numpy(), Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
+
+    def warmed(self) -> "Animator":
+        """Itself, after a first step, which is slow: let no client wait for it."""
+        self.step([self.start((0.0, 0.0), 0.0, 0)], [Idle()])
+        return self
 
     @torch.inference_mode()
     def step(

@@ -1,7 +1,7 @@
 """One ticker steps every session that is due in ONE batched forward pass, off the event loop."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
 
@@ -11,13 +11,9 @@ from serving.logs import get_log
 from motion.live import LiveSessions
 from motion.ownership import Ownership
 from motion.sessions import Session
-from motion.step import CharacterState, FrameData, Intent
+from motion.stepping import Frames, Result
 
 log = get_log("motion.ticker")
-
-Step = Callable[[Sequence[CharacterState], Sequence[Intent]], list[tuple[CharacterState, FrameData]]]
-
-Result = tuple[CharacterState, FrameData] | Exception
 
 _SWEEP_SECONDS = 1.0
 _LONGEST_WAIT = 0.7  # of a tick, from which on no frame waits to be shown
@@ -67,11 +63,11 @@ class Ticker:
     """Runs as one task; sessions with REALTIME readers move on the tick, others when their readers ask."""
 
     def __init__(
-        self, live: LiveSessions, ownership: Ownership, step: Step, *, frame_rate: float, registry: CollectorRegistry
+        self, live: LiveSessions, ownership: Ownership, frames: Frames, *, frame_rate: float, registry: CollectorRegistry
     ) -> None:
         self._live = live
         self._ownership = ownership
-        self._step = step
+        self._frames = frames
         self._interval = 1 / frame_rate
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="motion-step")
         self._awake = asyncio.Event()
@@ -125,7 +121,7 @@ class Ticker:
         loop = asyncio.get_running_loop()
         start = perf_counter()
         try:
-            results = await loop.run_in_executor(self._executor, self._compute, states, intents)
+            results = await loop.run_in_executor(self._executor, self._frames, states, intents)
             self.metrics.step_seconds.observe((perf_counter() - start) / frames)
             if tick is not None:
                 await asyncio.sleep(self._pace.wait(loop.time() - tick))
@@ -139,30 +135,6 @@ class Ticker:
             return  # too late: another replica may be computing these frames, and nobody has seen them here
         for session, frame_results in zip(sessions, results, strict=True):
             self._take(session, frame_results)
-
-    def _compute(
-        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]]
-    ) -> Sequence[Sequence[Result]]:
-        """Frames of every session, in order; where one fails, its error comes last."""
-        results: list[list[Result]] = [[] for _ in states]
-        going = dict(enumerate(states))
-        for frame in range(len(intents[0])):
-            stepped = self._step_all(list(going.values()), [intents[index][frame] for index in going])
-            for index, result in zip(list(going), stepped, strict=True):
-                results[index].append(result)
-                if isinstance(result, Exception):
-                    del going[index]
-                else:
-                    going[index] = result[0]
-        return results
-
-    def _step_all(self, states: Sequence[CharacterState], intents: Sequence[Intent]) -> Sequence[Result]:
-        try:
-            return self._step(states, intents)
-        except Exception as error:
-            if len(states) == 1:
-                return [error]
-            return [self._step_all([state], [intent])[0] for state, intent in zip(states, intents, strict=True)]
 
     def _take(self, session: Session, results: Sequence[Result]) -> None:
         try:

@@ -1,7 +1,6 @@
 """One event loop for uvicorn and grpc.aio: several services, two ports, one readiness, one shutdown."""
 
 import asyncio
-import gc
 import signal
 import socket
 import sys
@@ -15,6 +14,7 @@ import uvicorn
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
 from serving.access import Access
+from serving.collector import spare_collector
 from serving.describe import ServerServicer, describe_router
 from serving.health import add_health, add_reflection
 from serving.http import create_http_app
@@ -215,7 +215,7 @@ async def _serve(services: Sequence[Service], settings: ServerSettings) -> None:
             loading.cancel()
             return
         loading.result()
-        _spare_collector()
+        spare_collector()
         print(f"ready http={server.addresses.http} grpc={server.addresses.grpc}", flush=True)
         await stopping
         log.info("draining", grace=grace)
@@ -223,16 +223,6 @@ async def _serve(services: Sequence[Service], settings: ServerSettings) -> None:
             loop.remove_signal_handler(number)
     finally:
         await server.close(grace)
-
-
-def _spare_collector() -> None:
-    """Python's cycle collector passes over what is loaded, and looks at the rest seldom.
-
-    With 64 streams it would stop the event loop twice a second, for up to 20 ms.
-    """
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(10_000, 50, 20)
 
 
 def serve(services: Sequence[Service], settings: ServerSettings) -> None:

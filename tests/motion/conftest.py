@@ -14,7 +14,7 @@ def motion_service(monkeypatch, tmp_path):
     monkeypatch.setattr(Animator, "load", staticmethod(lambda path: Walker()))
     weights = tmp_path / "weights.safetensors"
     weights.write_bytes(b"none needed")
-    return MotionService(MotionSettings(motion_weights=str(weights)))
+    return MotionService(MotionSettings(motion_weights=str(weights), step_process=False))
 
 
 @pytest.fixture

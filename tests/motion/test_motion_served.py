@@ -18,9 +18,9 @@ REFERENCE = SHIPPED_WEIGHTS.parents[1] / "examples" / "references" / "chair_sit.
 pytestmark = pytest.mark.skipif(not SHIPPED_WEIGHTS.exists(), reason="weights/motion.safetensors is not there")
 
 
-@pytest.fixture
-async def stub():
-    settings = MotionSettings()
+@pytest.fixture(params=[True, False], ids=["in a process of its own", "in the server's"])
+async def stub(request):
+    settings = MotionSettings(step_process=request.param)
     async with (
         running([MotionService(settings)], settings) as addresses,
         grpc.aio.insecure_channel(addresses.grpc) as channel,

@@ -43,6 +43,9 @@ class Walker:
         x, z = position_xz
         return Place((x, z), seed)
 
+    def warmed(self):
+        return self
+
     def step(self, states, intents):
         if self.gate is not None:
             self.gate.wait()

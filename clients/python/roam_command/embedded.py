@@ -33,7 +33,7 @@ def make_services(**addresses: Any) -> "tuple[list[Service], ServerSettings]":
             remedy="Use a running server with --server host:port, or install them: scripts/install in a checkout.",
         ) from error
     goalpose = GoalPoseSettings(**addresses)
-    return [GoalPoseService(goalpose), MotionService(MotionSettings(**addresses))], goalpose
+    return [GoalPoseService(goalpose), MotionService(MotionSettings(**addresses, step_process=False))], goalpose
 
 
 @contextmanager

@@ -1,0 +1,134 @@
+"""Frames from a process of their own: the same bits, whatever happens to the process."""
+
+import os
+import pickle
+import signal
+
+import numpy as np
+import pytest
+from motion.step import CharacterState, Goal, Idle, Steer
+from motion.step_process import StepProcess, _Caller, _Stepper
+from motion.stepping import frames_of
+from standing import random_animator, seated_pose
+
+
+def load(weights):
+    return random_animator().step
+
+
+def load_nothing(weights):
+    raise ValueError(f"no weights at {weights}")
+
+
+def load_poisoned(weights):
+    step = random_animator().step
+
+    def poisoned(states, intents):
+        if any(isinstance(intent, Steer) and intent.velocity[0] > 5 for intent in intents):
+            raise ArithmeticError("poisoned")
+        return step(states, intents)
+
+    return poisoned
+
+
+@pytest.fixture(scope="module")
+def process():
+    process = StepProcess("none", load=load)
+    yield process
+    process.close()
+
+
+def cast():
+    animator = random_animator()
+    states = [animator.start((0.4 * i, 0.0), 0.3 * i, i) for i in range(4)]
+    return states, [Idle(), Steer(np.float32([0.0, 1.0])), Goal(seated_pose(ahead=0.3)), Goal(seated_pose(), "lie")]
+
+
+def played(frames, states, intents, rounds, count=1):
+    shown = []
+    for _ in range(rounds):
+        results = frames(states, [[intent] * count for intent in intents])
+        states = [of_one[-1][0] for of_one in results]
+        shown += [frame for of_one in results for _, frame in of_one]
+    return states, shown
+
+
+def alike(one, other):
+    states = all(a.to_bytes() == b.to_bytes() for a, b in zip(one[0], other[0], strict=True))
+    frames = all(
+        np.array_equal(a.rotations, b.rotations)
+        and np.array_equal(a.snorm16, b.snorm16)
+        and np.array_equal(a.root, b.root)
+        and (a.action, a.goal_distance) == (b.action, b.goal_distance)
+        for a, b in zip(one[1], other[1], strict=True)
+    )
+    return states and frames
+
+
+def test_frames_are_those_of_the_animator(process):
+    states, intents = cast()
+    step = random_animator().step
+    here = played(lambda s, i: frames_of(step, s, i), states, intents, 4, count=3)
+    assert alike(played(process.frames, states, intents, 4, count=3), here)
+
+
+def test_a_process_that_dies_goes_on_where_it_was():
+    process = StepProcess("none", load=load)
+    states, intents = cast()
+    whole = played(process.frames, states, intents, 6)
+    half, first = played(process.frames, states, intents, 3)
+    died = process.pid
+    os.kill(died, signal.SIGKILL)
+    after, last = played(process.frames, half, intents, 3)
+    assert process.pid != died
+    assert alike((after, first + last), whole)
+    process.close()
+
+
+def test_a_state_of_before_can_be_stepped_again(process):
+    states, intents = cast()
+    once = played(process.frames, states, intents, 1)
+    assert alike(played(process.frames, states, intents, 1), once)
+    again = [CharacterState.from_bytes(state.to_bytes()) for state in once[0]]
+    assert alike(played(process.frames, again, intents, 2), played(process.frames, once[0], intents, 2))
+
+
+def test_one_bad_character_does_not_stop_the_others():
+    process = StepProcess("none", load=load_poisoned)
+    states, intents = cast()
+    intents[1] = Steer(np.float32([9.0, 0.0]))
+    results = process.frames(states, [[intent] * 2 for intent in intents])
+    assert isinstance(results[1][0], ArithmeticError)
+    assert [len(of_one) for of_one in results] == [2, 1, 2, 2]
+    following = process.frames([results[0][-1][0]], [[Idle()]])
+    assert isinstance(following[0][0][0], CharacterState)
+    process.close()
+
+
+def test_a_network_that_cannot_be_loaded_is_told():
+    with pytest.raises(ValueError, match="no weights at nowhere"):
+        StepProcess("nowhere", load=load_nothing)
+
+
+def test_the_process_forgets_what_the_server_has_let_go():
+    stepper = _Stepper(random_animator().step)
+    caller = _Caller(Loop(stepper))
+    states, intents = cast()
+    states, _ = played(caller.frames, states, intents, 5)
+    caller.frames(states[:1], [[intents[0]]])
+    assert len(stepper._states._things) == len(states) + 1
+    assert len(stepper._intents._things) == len(intents)
+    assert len(caller._seats._things) <= 2
+
+
+class Loop:
+    """A pipe to a stepper in this process."""
+
+    def __init__(self, stepper):
+        self.stepper = stepper
+
+    def send_bytes(self, data):
+        self.answer = pickle.dumps(self.stepper.answer(pickle.loads(data)))
+
+    def recv_bytes(self):
+        return self.answer
