@@ -3,7 +3,7 @@
 Every session has one reader, as a game would have: Animate, REALTIME, snorm16, acknowledging. Readers run in
 this process, the server in another; on a machine with few processors they take time from each other.
 
-    python -m evaluation.load [--sessions 1,8,32,64] [--seconds 10] [--takeovers 10] [--json FILE]
+    python -m evaluation.load [--sessions 1,8,32,64] [--seconds 10] [--seated 3] [--takeovers 10] [--json FILE]
 """
 
 import argparse
@@ -13,6 +13,7 @@ import platform
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,11 @@ import grpc
 import httpx
 import numpy as np
 import psutil
-from roam.v1 import motion_pb2, motion_pb2_grpc
+from goalpose.messages import pose_message, volume_message
+from goalpose.objects import load_shape
+from goalpose.objects.footprint import footprint
+from goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
+from roam.v1 import motion_pb2, motion_pb2_grpc, skeleton_pb2
 
 from evaluation.frame_encoding import measure_encoding
 from evaluation.server_process import ServerProcess, motion_servers
@@ -28,6 +33,8 @@ from evaluation.takeover import measure_stall, measure_takeovers
 
 _RATE = 30.0  # [Hz]
 _FRAMES_PER_ACK = 4  # as the Python client does
+_CHAIR = Path(__file__).parents[1] / "examples" / "objects" / "chair.glb"
+_CHAIR_AT = np.array([0.0, 0.0, -1.2], np.float32)  # [m]
 _SETTLING = 1.0  # the first second of every stream is not counted [s]
 
 
@@ -47,8 +54,8 @@ class Reader:
         return np.diff(times[counted]) - np.diff(sequences[counted]) / _RATE
 
 
-async def read(stub: Any, seconds: float, delay: float) -> Reader:
-    """A character that is steered in a circle, read for some seconds."""
+async def read(stub: Any, seconds: float, delay: float, order: motion_pb2.ControlInput) -> Reader:
+    """A character that does what it is ordered, read for some seconds."""
     await asyncio.sleep(delay)
     created = await stub.CreateSession(motion_pb2.CreateSessionRequest())
     name, reader = created.session.name, Reader()
@@ -56,8 +63,7 @@ async def read(stub: Any, seconds: float, delay: float) -> Reader:
     encodings = [motion_pb2.ROTATION_ENCODING_SNORM16]
     began = time.perf_counter()
     await call.write(_request(open=motion_pb2.Open(session=name, rotation_encodings=encodings)))
-    steer = motion_pb2.Steer(velocity_z=1.0)
-    await call.write(_request(control=motion_pb2.ControlInput(control_id=1, steer=steer)))
+    await call.write(_request(control=order))
     while time.perf_counter() < began + seconds:
         response = await call.read()
         now = time.perf_counter()
@@ -87,13 +93,19 @@ def _request(**message: object) -> motion_pb2.AnimateRequest:
     return motion_pb2.AnimateRequest(**message)  # type: ignore[arg-type]
 
 
-async def load(server: ServerProcess, sessions: int, seconds: float) -> dict[str, float]:
-    """The figures of so many sessions at once; times in milliseconds."""
+async def load(
+    server: ServerProcess, sessions: int, seconds: float, goal: motion_pb2.Goal | None = None, every: int = 0
+) -> dict[str, float]:
+    """The figures of so many sessions at once; times in milliseconds. Every so many-th one walks to `goal` and stays
+    there, the others walk on."""
+    walk = motion_pb2.ControlInput(control_id=1, steer=motion_pb2.Steer(velocity_z=1.0))
+    sit = motion_pb2.ControlInput(control_id=1, goal=goal)
+    orders = [sit if every and i % every == 0 else walk for i in range(sessions)]
     async with grpc.aio.insecure_channel(server.grpc) as channel:
         stub = motion_pb2_grpc.MotionServiceStub(channel)
         stepped, steps = _steps(server)
         before, own, began = server.processor_seconds(), time.process_time(), time.perf_counter()
-        readers = await asyncio.gather(*(read(stub, seconds, 0.5 * i / sessions) for i in range(sessions)))
+        readers = await asyncio.gather(*(read(stub, seconds, 0.5 * i / sessions, order) for i, order in enumerate(orders)))
         busy, own = server.processor_seconds() - before, time.process_time() - own
         elapsed = time.perf_counter() - began
         stepped, steps = (after - first for after, first in zip(_steps(server), (stepped, steps), strict=True))
@@ -104,6 +116,7 @@ async def load(server: ServerProcess, sessions: int, seconds: float) -> dict[str
     lasted = sum(reader.times[-1] - reader.times[0] for reader in readers)
     return {
         "sessions": sessions,
+        "seated": orders.count(sit) if every else 0,
         "frames_per_session_second": moved / lasted,
         "step": stepped / steps * 1e3,
         "interval_error_p50": float(np.percentile(errors, 50)),
@@ -122,11 +135,27 @@ async def load(server: ServerProcess, sessions: int, seconds: float) -> dict[str
     }
 
 
+def chair_goal() -> motion_pb2.Goal:
+    """The bundled chair's goal pose, and the chair to keep out of, a step in front of where characters begin."""
+    shape = load_shape(_CHAIR.read_bytes(), "glb")
+    pose = Synthesizer.load(SynthesizerSettings()).synthesize(shape, GoalPoseRequest(action="sit")).pose
+    outlines = [(corners + _CHAIR_AT[::2]).ravel().tolist() for corners in footprint(shape.points)]
+    volume = volume_message(shape)
+    volume.origin[:] = (np.array(volume.origin) + _CHAIR_AT).tolist()
+    return motion_pb2.Goal(
+        pose=pose_message(pose.moved(_CHAIR_AT)),
+        action=skeleton_pb2.ACTION_SIT,
+        obstacles=[skeleton_pb2.Outline(corners=corners) for corners in outlines],
+        volume=volume,
+    )
+
+
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(prog="roam evaluate load", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--sessions", default="1,8,16,32,64", help="how many at once, one run each")
     parser.add_argument("--seconds", type=float, default=10.0, help="length of a run")
+    parser.add_argument("--seated", type=int, default=0, metavar="N", help="then again, every N-th on a chair")
     parser.add_argument("--takeovers", type=int, default=0, help="so often kill the owner; needs redis-server")
     parser.add_argument("--stall", type=float, default=25.0, help="so long a reader stops reading [s]; 0: none does")
     parser.add_argument("--json", type=Path, help="write all figures here")
@@ -143,11 +172,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     }
     _show("encoding", figures["encoding"])
     with motion_servers() as [server]:
-        runs = []
-        for count in map(int, options.sessions.split(",")):
+        runs, counts = [], list(map(int, options.sessions.split(",")))
+        for count in counts:
             runs.append(asyncio.run(load(server, count, options.seconds)))
             _show("load", runs[-1])
         figures["load"] = runs
+        if options.seated:
+            seated = partial(load, goal=chair_goal(), every=options.seated)
+            runs += [asyncio.run(seated(server, count, 2 * options.seconds)) for count in counts]
+            for run in runs[len(counts) :]:
+                _show("load", run)
         if options.stall:
             figures["stalled_reader"] = measure_stall(server, options.stall)
             _show("stalled reader", figures["stalled_reader"])

@@ -23,12 +23,14 @@ from motion.intent import Goal, Idle, Intent, Steer
 from motion.network import MotionNetwork, NetworkConfig, Normaliser
 from motion.planner import Plan
 from motion.prediction import Prediction
+from motion.rows import split_array
 from motion.seat import Seat
 from motion.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
 _LONG = 3600.0  # [s] range in which the living idle begins
+_HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
 _MARK = b"ROAM\3"
 # Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
@@ -174,7 +176,8 @@ class Animator:
         if not self._blending.settling:
             commands = [command._replace(urgency=0.0) for command in commands]
         goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
-        shown = self._graphs.step(rows, goals, clock, _around(memories, bodies))
+        settled = split_array(rows, shapes_of(rows.shape[1]))["settled"]
+        shown = self._graphs.step(rows, goals, clock, _around(memories, bodies, settled))
         frames = _frames(shown, memories)
         after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
@@ -198,12 +201,16 @@ def _gap(memory: Control, positions: np.ndarray, apart: np.ndarray) -> float | N
     return float(apart)
 
 
-def _around(controls: Sequence[Control], bodies: Sequence[Body]) -> tuple[Tensor, Furniture] | None:
-    """The rows of characters that can touch their goal's furniture, and it."""
+def _around(
+    controls: Sequence[Control], bodies: Sequence[Body], settled: np.ndarray
+) -> tuple[Tensor, Furniture] | None:
+    """The rows of characters that can touch their goal's furniture, and it; not of those who hold their goal pose."""
     rows, volumes, allowed, lying = [], [], [], []
     for row, (memory, body) in enumerate(zip(controls, bodies, strict=True)):
         seat = memory.seat
-        if seat is None or seat.volume is None or seat.depths is None or not near(seat.volume, body.x, body.z):
+        if seat is None or seat.volume is None or seat.depths is None or settled[row] > _HELD:
+            continue
+        if not near(seat.volume, body.x, body.z):
             continue
         rows.append(row)
         volumes.append(seat.volume)
