@@ -105,7 +105,9 @@ async def load(
         stub = motion_pb2_grpc.MotionServiceStub(channel)
         stepped, steps = _steps(server)
         before, own, began = server.processor_seconds(), time.process_time(), time.perf_counter()
-        readers = await asyncio.gather(*(read(stub, seconds, 0.5 * i / sessions, order) for i, order in enumerate(orders)))
+        readers = await asyncio.gather(
+            *(read(stub, seconds, 0.5 * i / sessions, order) for i, order in enumerate(orders))
+        )
         busy, own = server.processor_seconds() - before, time.process_time() - own
         elapsed = time.perf_counter() - began
         stepped, steps = (after - first for after, first in zip(_steps(server), (stepped, steps), strict=True))

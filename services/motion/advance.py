@@ -54,22 +54,18 @@ def advance(
     Returns the new characters, their joint positions [B, J, 3] [m], and the mean joint distance to the goal pose [B]
     [m] (meaningful where the goal is active).
     """
-    proposal = propose(figure, predict(sense(figure, characters, goals)), characters, goals, parts)
+    proposal = propose(figure, predict, characters, goals, parts)
     moved, after = settle(figure, characters, *cleared(figure, characters, goals, proposal, around))
     return moved, after, (after - goals.pose_positions).norm(dim=-1).mean(-1)
 
 
-def sense(figure: Figure, characters: Characters, goals: Goals) -> Inputs:
-    """What the network sees."""
-    positions = figure.positions(characters.hips, characters.orientations)
-    return encode(figure, characters, goals, positions, figure.frame(positions))
-
-
-def propose(figure: Figure, output: Tensor, characters: Characters, goals: Goals, parts: Blending = WHOLE) -> Proposal:
-    """What the network's raw output [B, O] leads to, blended with the goal."""
+def propose(
+    figure: Figure, predict: Predict, characters: Characters, goals: Goals, parts: Blending = WHOLE
+) -> Proposal:
+    """What the network answers, blended with the goal."""
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
-    answer = decode(output, characters, positions, root)
+    answer = decode(predict(encode(figure, characters, goals, positions, root)), characters, positions, root)
     distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
     styles = answer.trajectory[:, 0, 4:8].clamp(0.0, 1.0)
     action = goals.active * (styles[:, 2] + styles[:, 3]).clamp_max(1.0)

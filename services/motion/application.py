@@ -53,8 +53,8 @@ class StepsCharacters(Protocol):
 class MotionApplication:
     """Sessions, the ticker that moves them, and the streams that read them. All methods run on the event loop.
 
-    `frames` are computed by the animator unless something else does, and `build` names what; `restore` reads a character's state back. With a shared `store` other
-    replicas take sessions over when this one is gone.
+    `frames` are computed by the animator unless something else does; `build` names what. `restore` reads a character's
+    state back. With a shared `store` other replicas take sessions over when this one is gone.
     """
 
     def __init__(

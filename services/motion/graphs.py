@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from motion.advance import Predict, Proposal, cleared, propose, sense, settle
+from motion.advance import Predict, Proposal, cleared, propose, settle
 from motion.blending import Blending
 from motion.clearance import Furniture
 from motion.features import Goals, goal_shapes
@@ -53,8 +53,7 @@ class Graphs:
 
         def proposed(numbers: Tensor) -> tuple[Tensor, ...]:
             characters, goals, _ = self._inputs(numbers)
-            output = prediction(sense(figure, characters, goals))
-            return tuple(vars(propose(figure, output, characters, goals, blending)).values())
+            return tuple(vars(propose(figure, prediction, characters, goals, blending)).values())
 
         def shown(numbers: Tensor, pushed: Tensor, *proposal: Tensor) -> tuple[Tensor, Tensor]:
             characters, goals, clock = self._inputs(numbers)

@@ -76,11 +76,11 @@ def advance_plan(plan: Plan, aim: Aim, seconds: float) -> Plan:
 
 
 def plan_keys(plans: Sequence[Plan], aims: Sequence[Aim]) -> tuple[np.ndarray, np.ndarray]:
-    """Planned places [B, 13, 2] and directions [B, 13, 2] at 0, 1/6, … 2 s; a character's are the same in any company."""
+    """Planned places [B, 13, 2] and directions [B, 13, 2] at 0, 1/6, … 2 s, the same in any company."""
     keys = np.empty((len(plans), 3, KEYS))
-    steered = [row for row, aim in enumerate(aims) if isinstance(aim, Steering)]
+    steered = {row: aim for row, aim in enumerate(aims) if isinstance(aim, Steering)}
     if steered:
-        keys[steered] = _steered_keys([plans[row] for row in steered], [aims[row] for row in steered])
+        keys[list(steered)] = _steered_keys([plans[row] for row in steered], list(steered.values()))
     for row, aim in enumerate(aims):
         if isinstance(aim, Target):
             keys[row] = _guided_keys(plans[row], aim)

@@ -63,7 +63,13 @@ class Ticker:
     """Runs as one task; sessions with REALTIME readers move on the tick, others when their readers ask."""
 
     def __init__(
-        self, live: LiveSessions, ownership: Ownership, frames: Frames, *, frame_rate: float, registry: CollectorRegistry
+        self,
+        live: LiveSessions,
+        ownership: Ownership,
+        frames: Frames,
+        *,
+        frame_rate: float,
+        registry: CollectorRegistry,
     ) -> None:
         self._live = live
         self._ownership = ownership

@@ -37,7 +37,10 @@ def address() -> Iterator[str]:
         patch.setattr(Animator, "load", staticmethod(lambda path: Walker()))
         options = GoalPoseSettings(isolate_uploads=False, max_upload_bytes=1 << 20)
         weights = str(Path(__file__))  # only hashed
-        services = [GoalPoseService(options), MotionService(MotionSettings(motion_weights=weights, max_sessions=8, step_process=False))]
+        services = [
+            GoalPoseService(options),
+            MotionService(MotionSettings(motion_weights=weights, max_sessions=8, step_process=False)),
+        ]
         with running_in_thread(services, options) as addresses:
             yield addresses.http
 

@@ -60,7 +60,8 @@ def test_lying_is_approached_from_the_asked_side():
 def test_steering_sets_the_path_and_the_action():
     state = Control(Plan(0, 0))
     for _ in range(20):
-        state, command = controlled(state, Steer(np.array([0.8, 0.0])), Body(state.plan.x, state.plan.z, state.plan.yaw, 0.95)
+        state, command = controlled(
+            state, Steer(np.array([0.8, 0.0])), Body(state.plan.x, state.plan.z, state.plan.yaw, 0.95)
         )
     assert command.action == 1
     assert command.places[-1, 0] - command.places[0, 0] > 1.2

@@ -27,7 +27,9 @@ async def created(addresses, offered):
 
 @pytest.fixture
 async def behind_a_gateway(motion_service):
-    settings = MotionSettings(session_header=True, step_process=False, motion_weights=motion_service._settings.motion_weights)
+    settings = MotionSettings(
+        session_header=True, step_process=False, motion_weights=motion_service._settings.motion_weights
+    )
     motion_service._settings = settings
     async with running([motion_service], settings) as addresses:
         yield addresses

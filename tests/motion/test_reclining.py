@@ -16,9 +16,9 @@ from motion.planner import Plan
 from motion.reclining import reclining_of
 from motion.seat import seat_of
 from motion.step import Animator, CharacterState
+from standing import controlled
 from test_clearance import box
 from test_step import WEIGHTS, played
-from standing import controlled
 
 FIGURE = humanoid_figure()
 NAMES = FIGURE.skeleton

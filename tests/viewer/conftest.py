@@ -28,7 +28,11 @@ def demo() -> Iterator[str]:
     from stub_poses import KnownAnswer
 
     settings = GoalPoseSettings()
-    services = [GoalPoseService(settings), MotionService(MotionSettings(step_process=False)), PageService(Upload(CHAIR))]
+    services = [
+        GoalPoseService(settings),
+        MotionService(MotionSettings(step_process=False)),
+        PageService(Upload(CHAIR)),
+    ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("goalpose.app.Synthesizer", KnownAnswer)
         with running_in_thread(services, settings) as addresses:
