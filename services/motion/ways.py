@@ -19,6 +19,7 @@ Outline = tuple[Place, ...]  # corners of a floor polygon
 
 _CLEARANCES = 0.50, 0.36, 0.24, 0.12  # [m] from the root to an outline; narrower only where there is no other way
 _HAIR = 0.01  # [m] ways may touch the widened outlines
+_SQUARE = 0.05  # [m]
 _UNDER = 0.1  # [m] from an outline, hips are still over its furniture
 _DEEPEST = 1.2  # [m] from the hips to the front of a seat
 _PORCH = 0.9  # [m] longest way between furniture, straight ahead of the seat
@@ -36,14 +37,14 @@ class Ways:
     following: np.ndarray  # [N] next corner on that way
 
     def way_from(self, start: Place) -> tuple[Place, ...] | None:
-        """The way's corners from `start` to the end, both included; None when furniture shuts it off."""
+        """The way's corners after `start`, the end included; None when furniture shuts it off."""
         outside = self._outside(start)
         seen = _in_sight(self.core, np.broadcast_to(outside, self.corners.shape), self.corners)
         costs = np.where(seen, np.linalg.norm(self.corners - outside, axis=-1) + self.costs, np.inf)
         corner = int(costs.argmin())
         if not np.isfinite(costs[corner]):
             return None
-        way = [start, outside, _place(self.corners[corner])]
+        way = [_place(self.corners[corner])] if outside == start else [outside, _place(self.corners[corner])]
         while corner != 0:
             corner = int(self.following[corner])
             way.append(_place(self.corners[corner]))
@@ -59,13 +60,21 @@ def way(start: Place, end: Place, facing: Place, outlines: tuple[Outline, ...]) 
     """The shortest way from `start` to a standing place `end` in front of a seat that opens towards `facing` (unit).
 
     Returns its corners, both ends included. It keeps the widest clearance from `outlines` that leaves a way at all, and
-    goes straight where none does.
+    goes straight where none does. What is ahead is looked up for the middle of a small square round `start`: whoever
+    walks asks thirty times a second.
     """
+    x, z = (_SQUARE * round(coordinate / _SQUARE) for coordinate in start)
+    return start, *_ahead((x, z), end, facing, outlines)
+
+
+@lru_cache(maxsize=4096)
+def _ahead(start: Place, end: Place, facing: Place, outlines: tuple[Outline, ...]) -> tuple[Place, ...]:
+    """The corners of the way after `start`."""
     for clearance in _CLEARANCES:
         found = _ways(end, facing, outlines, clearance).way_from(start)
         if found is not None:
             return found
-    return start, end
+    return (end,)
 
 
 def edge(seat: Place, facing: Place, outlines: tuple[Outline, ...]) -> float:
