@@ -7,7 +7,7 @@ from goalpose.objects.reading import read_geometry
 from goalpose.objects.sampling import sample_triangles, shuffled_subset, triangle_areas
 from goalpose.objects.surface import local_normals
 from goalpose.objects.upright import choose_up
-from goalpose.objects.upright_fit import fit_weights
+from goalpose.objects.upright_fit import accuracy, fit, fit_weights
 
 # file axes in which the object's own +Y is called z, facing any of the four ways
 Z_UP = trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])[:3, :3]
@@ -52,12 +52,25 @@ def test_a_cube_is_doubtful_and_says_so():
 def test_fitting_recovers_a_known_ranking():
     rng = np.random.default_rng(0)
     truth = np.array([2.0, -1.0, 0.0])
-    features = rng.normal(size=(400, 1, 5, 3))
-    best = (features @ truth).argmax(axis=2)
-    for row, first in enumerate(best[:, 0]):
-        features[row, 0, [0, first]] = features[row, 0, [first, 0]]
-    weights = fit_weights(features, ridge=0.01)
-    np.testing.assert_allclose(weights / np.linalg.norm(weights), truth / np.linalg.norm(truth), atol=0.05)
+    objects = []
+    for _ in range(400):
+        candidates = rng.normal(size=(int(rng.integers(2, 7)), 3))
+        best = int((candidates @ truth).argmax())
+        candidates[[0, best]] = candidates[[best, 0]]
+        objects.append([candidates])
+    weights = fit_weights(objects, ridge=0.01)
+    np.testing.assert_allclose(weights / np.linalg.norm(weights), truth / np.linalg.norm(truth), atol=0.06)
+
+
+def test_a_fitted_model_ranks_what_products_decide():
+    rng = np.random.default_rng(1)
+    objects = []
+    for _ in range(300):
+        candidates = rng.normal(3.0, 2.0, size=(4, 2))
+        best = int((-((candidates - 3.0) ** 2).sum(axis=1)).argmax())  # nearest to the middle: no line finds it
+        candidates[[0, best]] = candidates[[best, 0]]
+        objects.append([candidates])
+    assert accuracy(objects, fit(objects)) > 0.9
 
 
 def test_real_furniture_of_the_test_set(objects):

@@ -76,7 +76,7 @@ def find_tilt(vertices: Array, points: Array, normals: Directions, *, centre: Ar
         farthest: how far the vertical may be from the true one [rad].
     """
     found = []
-    for up in _possible_ups(vertices):
+    for up in possible_ups(vertices):
         turn = turn_to_y(up)
         if up[1] > math.cos(farthest) and stands(vertices @ turn.T, turn @ centre):
             found.append((score_turned(points, normals, turn), turn))
@@ -87,7 +87,7 @@ def find_tilt(vertices: Array, points: Array, normals: Directions, *, centre: Ar
     return tilt if tilt.angle > _LEAST else None
 
 
-def _possible_ups(vertices: Array) -> list[Array]:
+def possible_ups(vertices: Array) -> list[Array]:
     """Directions away from the largest facets of the convex hull, each several degrees from the others."""
     try:
         hull = ConvexHull(vertices)

@@ -2,15 +2,17 @@
 
 Formats other than glTF do not say whether Y or Z is up. Each candidate is described by a few numbers that do not change
 when the object turns about it (a height map seen from above and from below, the support it would stand on, the
-distribution of area over height); a linear model ranks the candidates. Its weights are fitted by `upright_fit`, which
-also prints how often it is right.
+distribution of area over height); a model of these numbers and their products ranks the candidates: a level plane near
+the floor speaks for a bed but against a chair. It is fitted by `upright_fit`, which also prints how often it is right.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -26,32 +28,33 @@ _POINTS = 5000  # samples looked at: two or more per cell of a large sofa's heig
 _TOUCH = 0.02  # [m] what is this near the lowest point touches the floor
 
 
-# Feature -> weight in the score, in the order of `describe`; printed by `python -m goalpose.objects.upright_fit`.
-WEIGHTS: Mapping[str, float] = {
-    "support_share": 2.794,
-    "support_margin": 3.632,
-    "touching": -18.52,
-    "mean_height": -3.795,
-    "spread": -19.96,
-    "asymmetry": 2.788,
-    "low_share": -7.141,
-    "high_share": -5.583,
-    "level_share": 16.1,
-    "plane_share": 22.79,
-    "plane_at_seat": -5.625,
-    "plane_at_floor": -1.138,
-    "plane_at_top": -7.202,
-    "top_at_seat": 1.834,
-    "top_low": -1.57,
-    "top_high": -4.224,
-    "top_flat": -1.128,
-    "covered": 2.714,
-    "clearance": 1.54,
-    "grounded": -3.255,
-    "tall": -0.553,
-    "tall_squared": -0.5129,
-    "slender": 2.27,
-}
+FEATURES = (
+    "support_share",
+    "support_margin",
+    "touching",
+    "mean_height",
+    "spread",
+    "asymmetry",
+    "low_share",
+    "high_share",
+    "level_share",
+    "plane_share",
+    "plane_at_seat",
+    "plane_at_floor",
+    "plane_at_top",
+    "top_at_seat",
+    "top_low",
+    "top_high",
+    "top_flat",
+    "covered",
+    "clearance",
+    "grounded",
+    "tall",
+    "tall_squared",
+    "slender",
+)
+"""What `describe` returns, in order."""
+_MODEL = Path(__file__).with_name("upright.json")  # written by `python -m goalpose.objects.upright_fit`
 _CANDIDATES = ("y", "z")  # what programs write; anything else must be given
 _SURE = 0.95
 
@@ -84,15 +87,25 @@ def upright_score(points: Array, normals: Directions, up: str) -> float:
 
 def score_turned(points: Array, normals: Directions, rotation: Array) -> float:
     """The same for an object that `rotation` `[3, 3]` sets on its feet."""
-    return float(_features(points, normals, rotation) @ np.array(list(WEIGHTS.values())))
+    mean, deviation, weights = _model()
+    return float(products((describe(points, normals, rotation) - mean) / deviation) @ weights)
 
 
-def describe(points: Array, normals: Directions, up: str) -> Array:
-    """The features `[K]` of an object [m] standing with its axis `up` upwards, named by `WEIGHTS`."""
-    return _features(points, normals, up_rotation(up))
+@cache
+def _model() -> tuple[Array, Array, Array]:
+    """Mean and deviation of the features `[K]`, and the weights `[K + K (K + 1) / 2]` of `products`."""
+    model = json.loads(_MODEL.read_text())
+    return np.array(model["mean"]), np.array(model["deviation"]), np.array(model["weights"])
 
 
-def _features(points: Array, normals: Directions, rotation: Array) -> Array:
+def products(features: Array) -> Array:
+    """Features `[..., K]` of mean 0 and deviation 1, and behind them the product of every two of them."""
+    first, second = np.triu_indices(features.shape[-1])
+    return np.concatenate([features, features[..., first] * features[..., second]], -1)
+
+
+def describe(points: Array, normals: Directions, rotation: Array) -> Array:
+    """The features `[K]` of an object [m] that `rotation` `[3, 3]` sets on its feet, named by `FEATURES`."""
     points = points[:_POINTS] @ rotation.T
     points = points - points.min(axis=0)
     level = np.abs(normals[:_POINTS] @ rotation[1])
