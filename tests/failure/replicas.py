@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+import psutil
 from motion.app import SHIPPED_WEIGHTS
 from motion.step import Animator, Idle, Steer
 
@@ -83,6 +84,17 @@ class Replica:
 
     def terminate(self):
         self.process.terminate()
+
+    def stepping(self):
+        """The processes that step for it: one."""
+        children = psutil.Process(self.process.pid).children()
+        return [child.pid for child in children if any("spawn_main" in word for word in child.cmdline())]
+
+    def kill_stepping(self):
+        """Kills that one; its process id."""
+        (pid,) = self.stepping()
+        os.kill(pid, signal.SIGKILL)
+        return pid
 
 
 def anyone(*replicas):

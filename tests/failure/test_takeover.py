@@ -43,6 +43,21 @@ def test_after_a_kill_the_motion_is_the_unbroken_one(pair):
     assert len(sequences) + skipped == sequences[-1] - sequences[0] + 1
 
 
+def test_the_process_that_steps_may_die(pair):
+    first, _ = pair
+    frames, events = [], []
+    with Client(motion=anyone(first)) as client, client.create_session(Placement(*PLACE)) as session:
+        started = session.steer(0.3, 1.0)
+        with session.stream(pacing="burst") as stream:
+            collect(stream, frames, events, 40)
+            killed = first.kill_stepping()
+            collect(stream, frames, events, COUNT)
+            assert stream.header.exact
+    assert killed not in first.stepping()
+    assert_same(frames, unbroken(PLACE, {started: walking(0.3, 1.0)}, COUNT))
+    assert [frame.sequence for frame in frames] == list(range(1, COUNT + 1))
+
+
 async def test_a_replica_that_leaves_hands_its_sessions_over(pair):
     first, second = pair
     frames, events = [], []
