@@ -215,7 +215,7 @@ class Synthesizer:
         if not len(places):
             places = torch.tensor(shape.bounds.mean(0), dtype=torch.float32)[None]
         models = models_stack([self.model(pair, request.seed, config.samples) for pair in pairs])
-        with self._steps.taking_part():
+        with self._steps.taking_part(), torch.inference_mode():
             return solve(
                 models,
                 target,
