@@ -38,7 +38,7 @@ class DescriptorField(Protocol):
         ...
 
     def pull(self, latent: Any, x: Tensor) -> Pulled:
-        """The same with the slopes in x, without autograd."""
+        """The same with the slopes in x, without autograd: the solver calls it in inference mode."""
         ...
 
 
