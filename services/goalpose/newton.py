@@ -52,7 +52,8 @@ class Problem:
     settings: Settings
     iterations: int
     joints: bool  # False: only the root moves
-    tolerance: float = 1e-4  # of energy: it ends when no pose gains more in a step
+    tolerance: float = 1e-4  # of energy: it ends when no pose gains more in a step ...
+    patience: int = 1  # ... as often in a row
     watch: Callable[[int, Candidates], None] = lambda i, c: None  # told after every iteration; stops it by raising
 
     @property
@@ -98,6 +99,7 @@ class _Run:
         self.found = problem.starts
         self.shape: Quadratic  # around `found`
         self.damping = torch.full((len(problem.starts),), 1e-2)
+        self.idle = torch.zeros(len(problem.starts))  # steps in a row by which each pose gained little
         self.iteration = 0
         self.ended = False
         self.failure: Exception | None = None
@@ -113,8 +115,9 @@ class _Run:
             self.problem.watch(self.iteration, self.found)
         except Exception as error:
             self.failure = error
-        rests = bool((gain[won] < self.problem.tolerance).all()) and bool((self.damping[~won] > 30.0).all())
-        self.ended = rests or self.failure is not None or self.iteration == self.problem.iterations
+        self.idle = torch.where(won & (gain < self.problem.tolerance), self.idle + 1, 0.0)
+        rests = torch.where(won, self.idle >= self.problem.patience, self.damping > 30.0).all()
+        self.ended = bool(rests) or self.failure is not None or self.iteration == self.problem.iterations
         return torch.zeros_like(won) if self.ended else won
 
 
