@@ -299,7 +299,9 @@ def lounger_lie() -> Pair:
     )
     pose = author_pose(humanoid_skeleton(), root=root, facing=UPRIGHT, pitches=pitches, arms=arms, legs=legs)
     furniture = lounger(seat=seat, foot=foot, lean=lean, half_width=0.31, front=0.85)
-    return Pair("lounger_lie", "Reclining on a lounger, head at its back, legs up", "lie", ("lounger",), pose, furniture)
+    return Pair(
+        "lounger_lie", "Reclining on a lounger, head at its back, legs up", "lie", ("lounger",), pose, furniture
+    )
 
 
 def bed_lie() -> Pair:
