@@ -40,7 +40,7 @@ RIGID = Round(keep=14, each=2, iterations=3, samples=1, joints=False)
 JOINTS = Round(keep=8, each=1, iterations=4, samples=1, joints=True)
 FINISH = Round(keep=2, each=2, iterations=8, samples=3, joints=True)
 # Until it rests: what is left of the way is what two uploads of one object, turned and rounded, can differ by.
-POLISH = Round(keep=1, each=1, iterations=24, samples=3, joints=True, tolerance=1e-5, patience=2)
+POLISH = Round(keep=1, each=1, iterations=16, samples=3, joints=True, tolerance=1e-5, patience=2)
 
 
 @dataclass(frozen=True, kw_only=True)
