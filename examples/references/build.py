@@ -283,7 +283,8 @@ def lounger_lie() -> Pair:
     seat, foot, lean, hip_z = 0.36, -0.20, 50.0, -0.135
     tilt = np.radians(lean)
     root = (0.0, seat + BUTTOCK + PELVIS * np.cos(tilt), hip_z - PELVIS * np.sin(tilt))
-    pitches = {"hips": -lean, "spine": 2.0, "chest": 2.0, "upperChest": 2.0, "neck": 12.0, "head": 8.0}
+    # The neck goes back as far as it takes for the head to rest: on a flat back without a pillow.
+    pitches = {"hips": -lean, "spine": 0.5, "chest": 0.5, "upperChest": 0.0, "neck": -6.0, "head": 2.0}
     legs = LimbGoal(
         end=(0.11, seat + 0.055, hip_z + 0.795),
         pole=(0.12, 1.0, 0.1),
@@ -298,7 +299,9 @@ def lounger_lie() -> Pair:
     )
     pose = author_pose(humanoid_skeleton(), root=root, facing=UPRIGHT, pitches=pitches, arms=arms, legs=legs)
     furniture = lounger(seat=seat, foot=foot, lean=lean, half_width=0.31, front=0.85)
-    return Pair("lounger_lie", "Reclining on a lounger, legs up", "lie", ("lounger",), pose, furniture)
+    return Pair(
+        "lounger_lie", "Reclining on a lounger, head at its back, legs up", "lie", ("lounger",), pose, furniture
+    )
 
 
 def bed_lie() -> Pair:

@@ -25,6 +25,8 @@ WIDEST_PERCH = 0.30  # [m^2] what is larger, as high that legs dangle and withou
 NO_SEAT, NARROW = 0.10, 0.18  # [m] across: a rail or an edge holds nobody up, a beam is for perching
 NO_BED = 0.45  # [m] across: nobody lies on the top of a back rest, or across a chair
 TABLE_LIKE = 0.53  # [m] across: what is as wide and has no back is a low table's top, or a bed's
+LONG_TOP = 0.69  # [m] a top as long as this is a table's if it is also ...
+DEEP_TOP, LOW_TOP, LOW_DEPTH = 0.39, 0.38, 0.33  # [m] ... deeper than most benches, or low and not narrow
 ROLLS = 0.20  # [m] across what touches the floor: a ball, a log, a single post
 
 
@@ -43,8 +45,8 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     `hip_height`: hips joint above the surface below it; `hip_seat_distance`: its difference from the reference's;
     `penetration_depth`: of the deepest capsule; `floor_distance`: of the worse sole from the floor (only when the
     reference stands on it); `floor_reach`: how high the feet hang over the floor where the seat is higher than the
-    reference's and nothing else changes; `seat_height`, `seat_area`, `seat_breadth`, `base_breadth`: see `support`;
-    `heading`; `contacts_met`: weighted share; `support_miss`,
+    reference's and nothing else changes; `seat_height`, `seat_area`, `seat_breadth`, `seat_length`, `base_breadth`:
+    see `support`; `heading`; `contacts_met`: weighted share; `support_miss`,
     `lean_miss`: median distance of the body from what holds it from below and from behind; `trunk_rise`: height of the
     neck over the hips; `pose_change`: mean joint distance from the reference's canonical pose; `limit_excess`: the
     joint angle furthest outside its bounds.
@@ -137,12 +139,18 @@ def _poor_seat(values: dict[str, float]) -> list[PoseWarning]:
             f"The object touches the floor with {100 * base:.0f} cm only: it may roll or tip over with its sitter."
         )
         found.append(PoseWarning("UNSTEADY_SEAT", message, "Fine if it is fixed in its place."))
-    if breadth > TABLE_LIKE and values.get("lean_miss", 1.0) > 0.06:
-        message = (
-            f"The person sits without a back rest on a level top at least {100 * breadth:.0f} cm across, as of a table."
-        )
-        found.append(PoseWarning("TABLE_LIKE_SEAT", message, "Fine for beds, daybeds and large stools."))
+    if _table_like(values) and values.get("lean_miss", 1.0) > 0.06:
+        size = f"at least {100 * breadth:.0f} by {100 * values['seat_length']:.0f} cm"
+        message = f"The person sits without a back rest on a level top of {size}, as of a table."
+        found.append(PoseWarning("TABLE_LIKE_SEAT", message, "Fine for deep benches, beds, daybeds and large stools."))
     return found
+
+
+def _table_like(values: dict[str, float]) -> bool:
+    """Whether a low table may have a top like this seat; deep benches have one too, and nothing tells them apart."""
+    breadth = values["seat_breadth"]
+    low = values["seat_height"] < LOW_TOP and breadth > LOW_DEPTH
+    return breadth > TABLE_LIKE or (values["seat_length"] > LONG_TOP and (breadth > DEEP_TOP or low))
 
 
 def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:

@@ -16,7 +16,7 @@ from goalpose.energy.clearance import clearance
 from goalpose.energy.constraint import constraint, constraint_misses, constraint_motion
 from goalpose.energy.contact import contact
 from goalpose.energy.descriptor import descriptor_bend
-from goalpose.energy.facing import carried_front, facing
+from goalpose.energy.facing import carried_front, facing, hips_joint
 from goalpose.energy.figure import Figure
 from goalpose.energy.floor import floor
 from goalpose.energy.gravity import carried_up, gravity, upright_joints
@@ -25,7 +25,9 @@ from goalpose.energy.prior import prior, prior_motion
 from goalpose.energy.rows import Bend, Rows, rows_concat, rows_of, weighed
 from goalpose.energy.self_collision import deepest_pairs
 from goalpose.energy.symmetry import symmetry, symmetry_motion
-from goalpose.energy.total import ReferenceModel, Settings, Target, probe_weights
+from goalpose.energy.total import Aim, ReferenceModel, Settings, Target
+
+_UP = torch.tensor([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +104,22 @@ class Expansion:
 
 @torch.no_grad()
 def expand(
-    figure: Figure, model: ReferenceModel, target: Target, settings: Settings, *, joints: bool = True
+    figure: Figure,
+    model: ReferenceModel,
+    target: Target,
+    settings: Settings,
+    *,
+    joints: bool = True,
+    aim: Aim | None = None,
 ) -> Expansion:
-    """All terms of `total_energy`; without `joints` in the unknowns of the root alone."""
+    """All terms of `total_energy`; without `joints` in the unknowns of the root alone. `aim` as `Aim.of` makes it, for
+    those who expand again and again."""
     found = Expansion(figure, joints)
     if settings.weights.descriptor:
-        chosen, omega = probe_weights(model, settings)
-        reference, weight = model.descriptors_at(chosen), settings.weights.descriptor * omega
-        joint, points = model.probes.on(figure, chosen)
-        bend = descriptor_bend(target.field, target.latent, points, reference, weight, objects=target.objects)
+        aim = aim or Aim.of(model, settings)
+        weight = settings.weights.descriptor * aim.omega
+        joint, points = model.probes.on(figure, aim.chosen)
+        bend = descriptor_bend(target.field, target.latent, points, aim.descriptors, weight, objects=target.objects)
         found.add("descriptor", bend.energy, lambda: bend.rows(found.chain.anyhow(joint, points)))
     _expand_skeleton(found, model, target, settings)
     _expand_contacts(found, model, target, settings)
@@ -122,7 +131,7 @@ def _expand_skeleton(found: Expansion, model: ReferenceModel, target: Target, se
     """Terms of the joints alone."""
     w, figure = settings.weights, found.figure
     if w.angle_limit:
-        excess = angle_excess(figure.rotations[:, model.limits.joint], model.limits)
+        excess = angle_excess(figure.rotations.index_select(1, model.limits.joint), model.limits)
         found.inner("angle_limit", w.angle_limit, angle_limit(excess), lambda: excess_motion(figure, model.limits))
     if w.floor:
         height = figure.positions[..., 1] - target.floor_height
@@ -130,7 +139,7 @@ def _expand_skeleton(found: Expansion, model: ReferenceModel, target: Target, se
     if w.prior:
         found.inner("prior", w.prior, prior(figure, model.canonical), lambda: prior_motion(found.moving))
     if w.facing:
-        seen, hips = carried_front(figure, model.front), torch.tensor([figure.skeleton.index("hips")])
+        seen, hips = carried_front(figure, model.front), hips_joint(figure.skeleton)
         found.bend("facing", w.facing, facing(seen, target.front), lambda: found.chain.turning(hips, seen))
     if w.gravity:
         carried, upright = carried_up(figure, model.gravity), upright_joints(figure.skeleton)
@@ -148,7 +157,7 @@ def _expand_contacts(found: Expansion, model: ReferenceModel, target: Target, se
     contacts = model.contacts
     points = contacts.on(found.figure)
     distance, normal = target.distance.tangent(points)
-    direction = torch.where(contacts.on_floor[..., None], torch.tensor([0.0, 1.0, 0.0]), normal)
+    direction = torch.where(contacts.on_floor[..., None], _UP, normal)
     misses = contacts.misses(points[..., 1] - target.floor_height, distance)
     joint = contacts.joint.expand(len(points), -1)
     bend = contact(misses, contacts.weight)

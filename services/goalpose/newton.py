@@ -9,12 +9,13 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 import torch
-from character.rotation import quat_from_rotvec, quat_normalize
+from character.rotation import quat_normalize
 from torch import Tensor
 
 from goalpose.candidates import Candidates
-from goalpose.energy.figure import Figure, figure_concat, figure_from_pose, product
-from goalpose.energy.total import ReferenceModel, Settings, Target, models_joined
+from goalpose.energy.figure import Figure, figure_concat, figure_from_pose
+from goalpose.energy.total import Aim, ReferenceModel, Settings, Target, models_joined
+from goalpose.energy.turns import from_rotvec, product
 from goalpose.expansion import Expansion, Quadratic, expand, quadratic_concat, quadratic_where
 from goalpose.joined import targets_joined
 
@@ -35,7 +36,7 @@ def newton_step(quadratic: Quadratic, damping: Tensor) -> Tensor:
 
 def moved(figure: Figure, step: Tensor) -> Figure:
     """The poses after a step [B, N]; a step of the root alone has 6 numbers."""
-    turn = quat_from_rotvec(step[:, 3:].reshape(len(figure), -1, 3))
+    turn = from_rotvec(step[:, 3:].reshape(len(figure), -1, 3))
     turned = quat_normalize(product(figure.rotations[:, : turn.shape[1]], turn))
     rotations = torch.cat([turned, figure.rotations[:, turn.shape[1] :]], dim=1)
     return figure_from_pose(figure.skeleton, figure.root_position + step[:, :3], rotations)
@@ -51,7 +52,8 @@ class Problem:
     settings: Settings
     iterations: int
     joints: bool  # False: only the root moves
-    tolerance: float = 1e-4  # of energy: it ends when no pose gains more in a step
+    tolerance: float = 1e-4  # of energy: it ends when no pose gains more in a step ...
+    patience: int = 1  # ... as often in a row
     watch: Callable[[int, Candidates], None] = lambda i, c: None  # told after every iteration; stops it by raising
 
     @property
@@ -97,6 +99,7 @@ class _Run:
         self.found = problem.starts
         self.shape: Quadratic  # around `found`
         self.damping = torch.full((len(problem.starts),), 1e-2)
+        self.idle = torch.zeros(len(problem.starts))  # steps in a row by which each pose gained little
         self.iteration = 0
         self.ended = False
         self.failure: Exception | None = None
@@ -112,8 +115,9 @@ class _Run:
             self.problem.watch(self.iteration, self.found)
         except Exception as error:
             self.failure = error
-        rests = bool((gain[won] < self.problem.tolerance).all()) and bool((self.damping[~won] > 30.0).all())
-        self.ended = rests or self.failure is not None or self.iteration == self.problem.iterations
+        self.idle = torch.where(won & (gain < self.problem.tolerance), self.idle + 1, 0.0)
+        rests = torch.where(won, self.idle >= self.problem.patience, self.damping > 30.0).all()
+        self.ended = bool(rests) or self.failure is not None or self.iteration == self.problem.iterations
         return torch.zeros_like(won) if self.ended else won
 
 
@@ -125,6 +129,7 @@ class _Batch:
     model: ReferenceModel  # a row for every pose
     target: Target
     reference: Tensor  # [B] of every pose, which of its own request's
+    aim: Aim | None
 
     @classmethod
     def of(cls, runs: list[_Run]) -> "_Batch":
@@ -133,7 +138,9 @@ class _Batch:
         reference = torch.cat([problem.starts.reference for problem in problems])
         model = models_joined([problem.model[problem.starts.reference] for problem in problems])
         target = targets_joined([problem.target for problem in problems], len(problems[0].starts))
-        return cls(runs, model, target, reference)
+        settings = problems[0].settings
+        aim = Aim.of(model, settings) if settings.weights.descriptor else None
+        return cls(runs, model, target, reference, aim)
 
     def begin(self) -> None:
         """Energy and slopes where they start."""
@@ -156,7 +163,7 @@ class _Batch:
 
     def _expanded(self, figure: Figure) -> Expansion:
         problem = self.runs[0].problem
-        return expand(figure, self.model, self.target, problem.settings, joints=problem.joints)
+        return expand(figure, self.model, self.target, problem.settings, joints=problem.joints, aim=self.aim)
 
     def _candidates(self, expansion: Expansion) -> Candidates:
         return Candidates(expansion.figure, self.reference, expansion.energy, expansion.terms)

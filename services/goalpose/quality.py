@@ -76,24 +76,34 @@ def _descriptor_residual(ranked: RankedPose, request: GoalPoseRequest) -> float 
 def bone_penetrations(pose: Pose, depths: Mapping[str, float], shape: Shape) -> tuple[BonePenetration, ...]:
     """Depths [m] of bones with the volumes that belong to them, deepest first."""
     capsules = body_capsules(pose.skeleton)
-    rows = [(depths[name], c, name) for c, name in enumerate(capsules.names) if depths.get(name, 0.0) > 0]
-    return tuple(
-        BonePenetration(name, depth, _volume_inside(capsules, c, pose, shape))
-        for depth, c, name in sorted(rows, reverse=True)
-    )
+    rows = sorted(((depths[n], c, n) for c, n in enumerate(capsules.names) if depths.get(n, 0.0) > 0), reverse=True)
+    volumes = _volumes_inside(capsules, [c for _, c, _ in rows], pose, shape)
+    return tuple(BonePenetration(name, depth, volume) for (depth, _, name), volume in zip(rows, volumes, strict=True))
 
 
-def _volume_inside(capsules: Capsules, index: int, pose: Pose, shape: Shape) -> float:
-    """How much of one capsule is in the object [m^3], from points spread evenly in it."""
+def _volumes_inside(capsules: Capsules, chosen: list[int], pose: Pose, shape: Shape) -> list[float]:
+    """How much of each of the `chosen` capsules is in the object [m^3], from points spread evenly in it."""
+    if not chosen:
+        return []
     starts, ends = capsules.segments(*pose.posture())
-    start, end, radius = starts[index], ends[index], float(capsules.radii[index])
-    axis = np.asarray(end - start, np.float64)
+    axes = np.asarray(ends - starts, np.float64)
+    lengths, radii = np.linalg.norm(axes, axis=-1), np.asarray(capsules.radii, np.float64)
+    clouds = [_points_in_capsule(float(lengths[c]), float(radii[c])) for c in chosen]
+    placed = [starts[c] + _along(axes[c], cloud) for c, cloud in zip(chosen, clouds, strict=True)]
+    inside = shape.distance.sample(np.concatenate(placed)) < 0
+    shares = [float(part.mean()) for part in np.split(inside, np.cumsum([len(cloud) for cloud in clouds])[:-1])]
+    volumes = np.pi * radii**2 * (lengths + 4 / 3 * radii)
+    return [share * float(volumes[c]) for c, share in zip(chosen, shares, strict=True)]
+
+
+def _along(axis: Array, points: Array) -> Array:
+    """Points [N, 3] around +Y as points around `axis` [3]."""
     length = float(np.linalg.norm(axis))
-    points = _points_in_capsule(length, radius)
-    turn = quat_between(np.array([0.0, 1.0, 0.0]), axis / length) if length else np.array([0.0, 0.0, 0.0, 1.0])
-    world = start + quat_rotate(np.broadcast_to(turn, (len(points), 4)), points)
-    share = float((shape.distance.sample(world) < 0).mean())
-    return share * float(np.pi * radius**2 * (length + 4 / 3 * radius))
+    if length == 0:
+        return points
+    turn = quat_between(np.array([0.0, 1.0, 0.0]), axis / length)
+    turned: Array = quat_rotate(np.broadcast_to(turn, (len(points), 4)), points)
+    return turned
 
 
 def _points_in_capsule(length: float, radius: float) -> Array:

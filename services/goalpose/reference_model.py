@@ -1,5 +1,8 @@
 """Turns a reference pair into what the energy compares with: descriptors, contacts, allowances, canonical pose."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import torch
 from character.body import body_capsules
 from character.pose import rest_pose
@@ -34,40 +37,57 @@ _TRUNK = ("spine", "chest", "upperChest")
 _LEGS = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 
 
-def model_reference(
-    pair: ReferencePair, field: DescriptorField, *, samples: int, seed: int = 0, points: int = 1500
-) -> ReferenceModel:
-    """What the energy needs of one reference pair (R = 1); `samples` probes per centre, `points` for the encoder."""
-    skeleton = pair.pose.skeleton
-    figure = figure_of(pair)
-    probes = make_probes(skeleton, samples=samples, seed=seed)
+@dataclass(frozen=True, eq=False)
+class StudiedPair:
+    """What is known of a reference pair whatever the probes are."""
+
+    pair: ReferencePair
+    figure: Figure
+    latent: Any  # of the object
+    parts: dict[str, Any]  # of the model, by name
+
+
+def study_pair(pair: ReferencePair, field: DescriptorField, *, points: int = 1500) -> StudiedPair:
+    """Looks at one reference pair, with `points` of its surface for the encoder."""
+    skeleton, figure = pair.pose.skeleton, figure_of(pair)
     body = body_points(body_capsules(skeleton))
     pairs = collision_pairs(skeleton, body, _standing(skeleton))
     distance, floor_height = pair.shape.distance, pair.shape.floor_height
     with torch.no_grad():
         latent = field.encode(torch.as_tensor(pair.shape.points[:points])[None])
-        apart = distance.query(figure.attached(probes.joint, probes.offset))
         room = torch.maximum(distance.query(body.on(figure)), body.radius - PRESS).clamp(max=FAR)
+        parts = {
+            "body": body,
+            "mirrored": mirrored_pairs(skeleton, body),
+            "collision_pairs": pairs,
+            "canonical": canonical_positions(figure),
+            "gravity": gravity_directions(figure),
+            "front": front_seen_by_pelvis(figure, torch.tensor(pair.shape.front, dtype=torch.float32))[None],
+            "allowance": (body.radius - room).clamp(min=GIVE),
+            "contacts": reference_contacts(figure, body, distance, floor_height),
+            "clearances": room,
+            "collision_allowances": pair_depths(body.on(figure), body, pairs).clamp(min=0.0) + GIVE,
+            "hip_height": torch.tensor([height_above_surface(distance, figure.root_position[0])]),
+        }
+    return StudiedPair(pair, figure, latent, parts)
+
+
+def model_reference(studied: StudiedPair, field: DescriptorField, *, samples: int, seed: int = 0) -> ReferenceModel:
+    """What the energy needs of one reference pair (R = 1), with `samples` probes per centre."""
+    shape, figure = studied.pair.shape, studied.figure
+    probes = make_probes(figure.skeleton, samples=samples, seed=seed)
+    with torch.no_grad():
+        apart = shape.distance.query(figure.attached(probes.joint, probes.offset))
         return ReferenceModel(
-            skeleton=skeleton,
+            skeleton=figure.skeleton,
             probes=probes,
-            body=body,
-            mirrored=mirrored_pairs(skeleton, body),
-            collision_pairs=pairs,
-            limits=load_limits(skeleton),
+            limits=load_limits(figure.skeleton),
             figure=figure,
-            canonical=canonical_positions(figure),
-            gravity=gravity_directions(figure),
-            front=front_seen_by_pelvis(figure, torch.tensor(pair.shape.front, dtype=torch.float32))[None],
-            descriptors=pose_descriptor(field, latent, figure, probes),
+            descriptors=pose_descriptor(field, studied.latent, figure, probes),
             row=torch.zeros(1, dtype=torch.long),
             nearness=1.0 / (1.0 + (apart.clamp(min=0.0) / NEAR).square()),
-            allowance=(body.radius - room).clamp(min=GIVE),
-            contacts=reference_contacts(figure, body, distance, floor_height),
-            clearances=room,
-            collision_allowances=pair_depths(body.on(figure), body, pairs).clamp(min=0.0) + GIVE,
-            hip_height=torch.tensor([height_above_surface(distance, figure.root_position[0])]),
-            floor_height=torch.tensor([floor_height]),
+            floor_height=torch.tensor([shape.floor_height]),
+            **studied.parts,
         )
 
 

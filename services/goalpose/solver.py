@@ -28,7 +28,8 @@ class Round:
     samples: int
     joints: bool
     apart: float = 0.12  # [m] placements nearer than this to a better one, with about its heading, are the same
-    tolerance: float = 1e-4  # of energy: no candidate gains more in a step, and the stage ends
+    tolerance: float = 1e-4  # of energy: no candidate gains more in a step, and the stage ends ...
+    patience: int = 1  # ... when that happens as often in a row
 
     def wanting(self, count: int) -> "Round":
         """The same with at least `count` candidates, whatever references they are made from."""
@@ -39,7 +40,7 @@ RIGID = Round(keep=14, each=2, iterations=3, samples=1, joints=False)
 JOINTS = Round(keep=8, each=1, iterations=4, samples=1, joints=True)
 FINISH = Round(keep=2, each=2, iterations=8, samples=3, joints=True)
 # Until it rests: what is left of the way is what two uploads of one object, turned and rounded, can differ by.
-POLISH = Round(keep=1, each=1, iterations=16, samples=3, joints=True, tolerance=1e-5)
+POLISH = Round(keep=1, each=1, iterations=16, samples=3, joints=True, tolerance=1e-5, patience=2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +122,7 @@ def solve(
             iterations=turn.iterations,
             joints=turn.joints,
             tolerance=turn.tolerance,
+            patience=turn.patience,
             watch=_reporter(watch, stage, done, config),
         )
         found = steps(problem)

@@ -23,14 +23,16 @@ def seat_measures(figure: Figure, target: Target, top: float) -> dict[str, float
     """The surface that holds the first pose, whose `top` [m] lies below the hips.
 
     `seat_height` over the floor; `seat_area` [m^2] level with it in a metre's square about the hips; `seat_breadth`:
-    the narrowest way across that surface through the place below the hips; `base_breadth`: the narrowest way across
-    what the object touches the floor with.
+    the narrowest way across that surface through the place below the hips, `seat_length` the longest, up to a metre;
+    `base_breadth`: the narrowest way across what the object touches the floor with.
     """
     hips = figure.root_position[0]
+    breadth, length = _across(hips, target, top)
     return {
         "seat_height": top - target.floor_height,
         "seat_area": _area(hips, target, top),
-        "seat_breadth": _breadth(hips, target, top),
+        "seat_breadth": breadth,
+        "seat_length": length,
         "base_breadth": base_breadth(target),
     }
 
@@ -44,8 +46,8 @@ def _area(hips: Tensor, target: Target, top: float) -> float:
     return float(level.sum()) * _CELL**2
 
 
-def _breadth(hips: Tensor, target: Target, top: float) -> float:
-    """Sum of the ways to both ends [m], in the direction where it is least; up to a metre."""
+def _across(hips: Tensor, target: Target, top: float) -> tuple[float, float]:
+    """Sum of the ways to both ends [m], in the directions where it is least and most; up to a metre."""
     angles = torch.arange(2 * _WAYS) * (torch.pi / _WAYS)
     steps = torch.arange(_STEP, _REACH + 0.5 * _STEP, _STEP)
     heights = top + torch.arange(_RISE, -_DROP - 0.001, -0.01)
@@ -56,7 +58,8 @@ def _breadth(hips: Tensor, target: Target, top: float) -> float:
     missing = torch.nn.functional.pad((~there).float(), (0, _GAP), value=1.0)
     over = missing.unfold(-1, _GAP, 1).amin(-1)[:, : len(steps) + 1] > 0  # a gap too wide begins here
     ways = over.int().argmax(-1) * _STEP
-    return float((ways[:_WAYS] + ways[_WAYS:]).min())
+    both = ways[:_WAYS] + ways[_WAYS:]
+    return float(both.min()), float(both.max())
 
 
 def base_breadth(target: Target) -> float:

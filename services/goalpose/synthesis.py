@@ -27,7 +27,7 @@ from goalpose.paper_solver import PaperConfig, solve_paper
 from goalpose.places import find_places
 from goalpose.progress import Listener, Progress, Watch
 from goalpose.ranking import choose_diverse
-from goalpose.reference_model import model_reference
+from goalpose.reference_model import StudiedPair, model_reference, study_pair
 from goalpose.references import ACTIONS, ReferencePair, load_references
 from goalpose.result import GoalPoseResult, RankedPose, ranked_pose, summaries
 from goalpose.sharing import SharedSteps
@@ -105,6 +105,7 @@ class Synthesizer:
     _models: RecentCache[tuple[str, str, int, int], ReferenceModel] = dataclasses.field(
         default_factory=lambda: RecentCache(MODELS)
     )
+    _studied: RecentCache[tuple[str, str], StudiedPair] = dataclasses.field(default_factory=lambda: RecentCache(MODELS))
     _steps: SharedSteps = dataclasses.field(default_factory=SharedSteps)
     _lock: Lock = dataclasses.field(default_factory=Lock)
 
@@ -191,9 +192,18 @@ class Synthesizer:
         with self._lock:
             known = self._models.get(key)
             if known is None:
-                known = model_reference(pair, self.field, samples=samples, seed=seed, points=ENCODER_POINTS)
+                known = model_reference(self._study(pair), self.field, samples=samples, seed=seed)
                 self._models.put(key, known)
             return known
+
+    def _study(self, pair: ReferencePair) -> StudiedPair:
+        """What no seed changes, computed once."""
+        key = (pair.id, pair.pose.skeleton.id)
+        studied = self._studied.get(key)
+        if studied is None:
+            studied = study_pair(pair, self.field, points=ENCODER_POINTS)
+            self._studied.put(key, studied)
+        return studied
 
     def _stacked(self, pairs: list[ReferencePair], seed: int, samples: int) -> ReferenceModel:
         """Several reference pairs as one model."""
@@ -215,7 +225,7 @@ class Synthesizer:
         if not len(places):
             places = torch.tensor(shape.bounds.mean(0), dtype=torch.float32)[None]
         models = models_stack([self.model(pair, request.seed, config.samples) for pair in pairs])
-        with self._steps.taking_part():
+        with self._steps.taking_part(), torch.inference_mode():
             return solve(
                 models,
                 target,

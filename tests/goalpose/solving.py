@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 from goalpose.energy.total import ReferenceModel, Target
-from goalpose.reference_model import model_reference
+from goalpose.reference_model import model_reference, study_pair
 from goalpose.references import ReferencePair, load_reference
 from torch import Tensor
 
@@ -21,7 +21,8 @@ class Autograd:
     descriptors: Tensor
 
     def force(self, slope: Tensor) -> Tensor:
-        (force,) = torch.autograd.grad(self.descriptors, self.queries, slope)
+        with torch.inference_mode(False):
+            (force,) = torch.autograd.grad(self.descriptors, self.queries, slope.clone())
         return force
 
 
@@ -42,9 +43,9 @@ class LandmarkField:
 
     def pull(self, latent: Tensor, x: Tensor) -> Autograd:
         """The same with its slopes."""
-        with torch.enable_grad():
-            leaf = x.detach().requires_grad_()
-            return Autograd(leaf, self.descriptor(latent, leaf))
+        with torch.inference_mode(False), torch.enable_grad():
+            leaf = x.clone().detach().requires_grad_()
+            return Autograd(leaf, self.descriptor(latent.clone(), leaf))
 
 
 @cache
@@ -56,7 +57,8 @@ def pair(name: str) -> ReferencePair:
 @cache
 def model(name: str, samples: int = 2) -> ReferenceModel:
     """Its model under the landmark field."""
-    return model_reference(pair(name), LandmarkField(), samples=samples)
+    field = LandmarkField()
+    return model_reference(study_pair(pair(name), field), field, samples=samples)
 
 
 def target_of(name: str) -> Target:

@@ -183,6 +183,8 @@ def ball(radius: float) -> trimesh.Trimesh:
     [
         pytest.param(slab(1.1, 0.6, 0.32), ["TABLE_LIKE_SEAT"], id="coffee table"),
         pytest.param(slab(1.1, 0.6, 0.45), ["TABLE_LIKE_SEAT"], id="higher coffee table"),
+        pytest.param(slab(1.0, 0.45, 0.4), ["TABLE_LIKE_SEAT"], id="small coffee table, or a deep bench"),
+        pytest.param(slab(1.1, 0.36, 0.33), ["TABLE_LIKE_SEAT"], id="low coffee table"),
         pytest.param(slab(1.2, 0.38, 0.45), [], id="bench"),
         pytest.param(slab(0.4, 0.4, 0.45), [], id="stool"),
         pytest.param(ball(0.275), ["UNSTEADY_SEAT"], id="ball"),

@@ -11,12 +11,12 @@ from functools import cache
 from pathlib import Path
 
 import torch
-from character.rotation import quat_from_rotvec, quat_inv, quat_to_rotvec
 from character.skeleton import Skeleton
 from torch import Tensor
 
-from goalpose.energy.figure import Figure, product
+from goalpose.energy.figure import Figure
 from goalpose.energy.rows import Bend, squares
+from goalpose.energy.turns import from_rotvec, inverse, product, to_rotvec
 
 LIMITS_FILE = Path(__file__).parent / "angle_limits.json"
 RELAXATION = 0.1745  # 10 degrees [rad], supplement C
@@ -48,11 +48,12 @@ def swing_twist(rotations: Tensor, axis: Tensor) -> Tensor:
     part = (rotations[..., :3] * along).sum(-1, keepdim=True)
     twist = torch.cat([part * along, rotations[..., 3:]], dim=-1)
     twist = twist / (twist.square().sum(-1, keepdim=True) + 1e-12).sqrt()
-    swing = quat_to_rotvec(product(rotations, quat_inv(twist)))
-    return swing * (1 - along) + quat_to_rotvec(twist)
+    swing = to_rotvec(product(rotations, inverse(twist)))
+    return swing * (1 - along) + to_rotvec(twist)
 
 
 @cache
+@torch.inference_mode(mode=False)
 def load_limits(skeleton: Skeleton) -> AngleLimits:
     """The shipped limits for the humanoid bones that a skeleton has."""
     table = json.loads(LIMITS_FILE.read_text())["bones"]
@@ -79,9 +80,9 @@ def angle_limit(excess: Tensor) -> Bend:
 def excess_motion(figure: Figure, limits: AngleLimits) -> Tensor:
     """How the excess of B poses moves with the unknowns [B, 3 K, N]: by differences in the joint's own rotation vector,
     the only one that counts."""
-    step, bounded = 1e-3, figure.rotations[:, limits.joint]
+    step, bounded = 1e-3, figure.rotations.index_select(1, limits.joint)
     nudges = torch.cat([torch.zeros(1, 3), step * torch.eye(3)])[:, None, None]
-    excess = angle_excess(product(bounded, quat_from_rotvec(nudges)), limits)  # [4, B, K, 3]
+    excess = angle_excess(product(bounded, from_rotvec(nudges)), limits)  # [4, B, K, 3]
     slopes = ((excess[1:] - excess[0]) / step).permute(1, 2, 3, 0)  # [B, K, bound, axis]
     batch, count = bounded.shape[:2]
     motion = torch.zeros(batch, count, 3, 3 + 3 * figure.rotations.shape[1])

@@ -15,7 +15,20 @@ from torch import Tensor
 from goalpose.energy.figure import Figure
 
 
+def _axis_wrenches() -> tuple[Tensor, Tensor]:
+    """The wrenches of a point along x, y and z, (x x e_i, e_i) [18], as x times the first [3, 18] and the second."""
+    along = torch.eye(3)
+    moments = torch.zeros(3, 3, 6)
+    moments[:, :, :3] = torch.linalg.cross(along[:, None].expand(3, 3, 3), along.expand(3, 3, 3), dim=-1)
+    forces = torch.cat([torch.zeros(3, 3), along], dim=-1)
+    return moments.flatten(1), forces.flatten()
+
+
+_MOMENTS, _FORCES = _axis_wrenches()
+
+
 @cache
+@torch.inference_mode(mode=False)
 def carriers(skeleton: Skeleton) -> Tensor:
     """Which unknowns move which joints: [J, 3 + 3 J], 1 for the root's shift and the turns of a joint and all above."""
     above = torch.eye(skeleton.joint_count)
@@ -51,15 +64,21 @@ class Chain:
         -> [B, P, N].
         """
         wrenches = torch.cat([torch.linalg.cross(points, directions, dim=-1), directions], dim=-1)
-        return (wrenches @ self.screws) * self.carried[joint]
+        return self._moved(wrenches, joint)
 
     def anyhow(self, joint: Tensor, points: Tensor) -> Tensor:
         """`along` x, y and z for points [B, P, 3] on joints [P]. -> [B, 3 P, N], point by point."""
-        axes = torch.eye(3).repeat(points.shape[1], 1).expand(len(points), -1, -1)
-        return self.along(joint.repeat_interleave(3), points.repeat_interleave(3, dim=1), axes)
+        wrenches = (points @ _MOMENTS + _FORCES).unflatten(-1, (3, 6)).flatten(1, 2)
+        return self._moved(wrenches, joint.repeat_interleave(3))
+
+    def _moved(self, wrenches: Tensor, joint: Tensor) -> Tensor:
+        """From wrenches [B, P, 6] at joints [P] or [B, P] to what the unknowns do along them. -> [B, P, N]."""
+        carried = self.carried.index_select(0, joint.flatten()).unflatten(0, joint.shape)
+        return (wrenches @ self.screws).mul_(carried)
 
     def turning(self, joint: Tensor, vectors: Tensor) -> Tensor:
         """d(v)/d(unknowns) for directions v [B, K, 3] that turn with joints [K]. -> [B, 3 K, N]."""
         axes = torch.eye(3).repeat(vectors.shape[1], 1).expand(len(vectors), -1, -1)
         moments = torch.linalg.cross(vectors.repeat_interleave(3, dim=1), axes, dim=-1)
-        return (moments @ self.screws[:, :3]) * self.carried[joint.repeat_interleave(3)]
+        carried = self.carried.index_select(0, joint.repeat_interleave(3))
+        return (moments @ self.screws[:, :3]).mul_(carried)

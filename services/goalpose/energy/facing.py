@@ -6,8 +6,11 @@ target's. A stool has none; there the person's own front counts a little, so tha
 as badly as one that looks aside, but nobody sits on a sofa's edge sideways.
 """
 
+from functools import cache
+
 import torch
 from character.rotation import quat_inv, quat_rotate
+from character.skeleton import Skeleton
 from torch import Tensor
 
 from goalpose.energy.figure import Figure
@@ -22,6 +25,13 @@ def front_seen_by_pelvis(figure: Figure, front: Tensor) -> Tensor:
     own = torch.linalg.cross(left, torch.tensor([0.0, 1.0, 0.0]))
     seen = torch.where(front.norm() < OWN_FRONT, OWN_FRONT * own, front)
     return quat_rotate(quat_inv(figure.orientations[:1, 0]), seen[None])[0]
+
+
+@cache
+def hips_joint(skeleton: Skeleton) -> Tensor:
+    """The pelvis. -> [1]."""
+    with torch.inference_mode(False):
+        return torch.tensor([skeleton.index("hips")])
 
 
 def carried_front(figure: Figure, carried: Tensor) -> Tensor:

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import torch
-from character.rotation import quat_to_matrix
 from character.skeleton import Skeleton
 from torch import Tensor
+
+from goalpose.energy.turns import matrices, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +23,7 @@ class Figure:
     @cached_property
     def axes(self) -> Tensor:
         """World orientations as matrices [B, J, 3, 3]: the columns are the joints' axes."""
-        return quat_to_matrix(self.orientations)
+        return matrices(self.orientations)
 
     def attached(self, joints: Tensor, offsets: Tensor) -> Tensor:
         """World positions of points fixed to joints. `joints` [P] or [B, P], `offsets` [..., P, 3] (joint frame).
@@ -37,7 +38,10 @@ class Figure:
 
     def of(self, values: Tensor, joints: Tensor) -> Tensor:
         """The values [B, J, ...] of joints [P], or of those that each pose names, [B, P]. -> [B, P, ...]."""
-        return values[:, joints] if joints.dim() == 1 else values[torch.arange(len(joints))[:, None], joints]
+        if joints.dim() == 1:
+            return values.index_select(1, joints)
+        rows = joints + values.shape[1] * torch.arange(len(joints))[:, None]
+        return values.flatten(0, 1).index_select(0, rows.flatten()).unflatten(0, rows.shape)
 
     def moved_to(self, root_position: Tensor) -> "Figure":
         """The same poses elsewhere, [B, 3] [m]."""
@@ -66,9 +70,9 @@ def figure_from_pose(skeleton: Skeleton, root_position: Tensor, rotations: Tenso
     tree = _tree(skeleton)
     orientations = [rotations[:, :1]]
     for joints, slots in tree.levels:
-        orientations.append(product(orientations[-1][:, slots], rotations[:, joints]))
-    world = torch.cat(orientations, dim=1)[:, tree.order]
-    bones = quat_to_matrix(world[:, tree.parents]) @ tree.offsets[..., None]
+        orientations.append(product(orientations[-1].index_select(1, slots), rotations.index_select(1, joints)))
+    world = torch.cat(orientations, dim=1).index_select(1, tree.order)
+    bones = matrices(world.index_select(1, tree.parents)) @ tree.offsets[..., None]
     away = tree.above.to(bones).expand(len(bones), -1, -1) @ bones[..., 0]
     return Figure(skeleton, root_position, rotations, root_position[:, None] + away, world)
 
@@ -85,6 +89,7 @@ class _Tree:
 
 
 @cache
+@torch.inference_mode(mode=False)
 def _tree(skeleton: Skeleton) -> _Tree:
     levels = [(torch.tensor(level.joints), torch.tensor(level.parent_slots)) for level in skeleton.levels[1:]]
     order = torch.cat([torch.zeros(1, dtype=torch.long), *(joints for joints, _ in levels)]).argsort()
@@ -95,15 +100,6 @@ def _tree(skeleton: Skeleton) -> _Tree:
     for joint, parent in enumerate(skeleton.parents[1:], start=1):
         above[joint] += above[parent]
     return _Tree(levels, order, parents, offsets, above)
-
-
-_TURN = torch.tensor([[3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2], [0, 1, 2, 3]])
-_SIGN = torch.tensor([[1.0, -1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0], [-1.0, 1.0, 1.0, 1.0], [-1.0, -1.0, -1.0, 1.0]])
-
-
-def product(a: Tensor, b: Tensor) -> Tensor:
-    """Hamilton products of quaternions [..., 4], as small matrices made of `a` times `b`."""
-    return ((a[..., _TURN] * _SIGN.to(a)) * b[..., None, :]).sum(-1)
 
 
 def figure_concat(figures: list[Figure]) -> Figure:

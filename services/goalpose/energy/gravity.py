@@ -4,6 +4,8 @@ Furniture stands upright in the world, so a sitter's tilt against gravity is par
 blind to gravity by design, let near-symmetric objects (a cube stool) pull the body over.
 """
 
+from functools import cache
+
 import torch
 from character.rotation import quat_inv, quat_rotate
 from character.skeleton import Skeleton
@@ -13,11 +15,14 @@ from goalpose.energy.figure import Figure
 from goalpose.energy.rows import Bend, squares
 
 UPRIGHT_JOINTS = ("hips", "upperChest", "head")
+_UP = torch.tensor([0.0, 1.0, 0.0])
 
 
+@cache
 def upright_joints(skeleton: Skeleton) -> Tensor:
     """Pelvis, chest and head. -> [3]."""
-    return torch.tensor(skeleton.indices(UPRIGHT_JOINTS))
+    with torch.inference_mode(False):
+        return torch.tensor(skeleton.indices(UPRIGHT_JOINTS))
 
 
 def gravity_directions(figure: Figure) -> Tensor:
@@ -34,5 +39,4 @@ def carried_up(figure: Figure, reference: Tensor) -> Tensor:
 
 def gravity(carried: Tensor) -> Bend:
     """E_g = mean_k |g_k - g_k^ref|^2, about the squared tilt for small angles [rad^2], of `carried` up [B, 3, 3]."""
-    up = carried.new_tensor([0.0, 1.0, 0.0])
-    return squares((carried - up).flatten(1), 1.0 / carried.shape[1])
+    return squares((carried - _UP.to(carried)).flatten(1), 1.0 / carried.shape[1])

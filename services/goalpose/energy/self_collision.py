@@ -38,7 +38,7 @@ def _joint_hops(skeleton: Skeleton) -> Tensor:
 
 def pair_depths(points: Tensor, body: BodyPoints, pairs: Tensor) -> Tensor:
     """How far the spheres at `points` [B, P, 3] of each pair [2, M] overlap; negative: the gap. -> [B, M] [m]."""
-    apart = (points[:, pairs[0]] - points[:, pairs[1]]).square().sum(-1).add(1e-9).sqrt()
+    apart = (points.index_select(1, pairs[0]) - points.index_select(1, pairs[1])).square().sum(-1).add(1e-9).sqrt()
     return body.radius[pairs[0]] + body.radius[pairs[1]] - apart
 
 
@@ -75,6 +75,7 @@ class Pairs:
 def deepest_pairs(points: Tensor, body: BodyPoints, pairs: Tensor, allowance: Tensor) -> Pairs:
     """Which `pairs` [2, M] of the spheres at `points` [B, P, 3] overlap most, beyond `allowance` [1 or B, M] [m]."""
     apart = torch.cdist(points, points, compute_mode="donot_use_mm_for_euclid_dist")
-    depth = (body.radius[pairs[0]] + body.radius[pairs[1]] - allowance) - apart[:, pairs[0], pairs[1]]
+    reach = body.radius.index_select(0, pairs[0]) + body.radius.index_select(0, pairs[1]) - allowance
+    depth = reach - apart.flatten(1).index_select(1, pairs[0] * points.shape[1] + pairs[1])
     overlap, which = depth.topk(min(PAIRS, depth.shape[1]), dim=-1)
     return Pairs(overlap.clamp(min=0.0), pairs[0][which], pairs[1][which], points)

@@ -31,10 +31,10 @@ def symmetry(distance: Tensor, reference: Tensor, pairs: Tensor) -> Bend:
     moves as the left distance less the right one, each as long as it is below `FAR`.
     """
     change = distance.clamp(max=FAR) - reference
-    return robust(change[:, pairs[0]] - change[:, pairs[1]], SCALE, 1.0 / pairs.shape[1])
+    return robust(change.index_select(1, pairs[0]) - change.index_select(1, pairs[1]), SCALE, 1.0 / pairs.shape[1])
 
 
 def symmetry_motion(motion: Tensor, distance: Tensor, pairs: Tensor) -> Tensor:
     """How u moves, from how the distances do: `motion` [B, P, N] -> [B, M, N]."""
     near = motion * (distance < FAR)[..., None]
-    return near[:, pairs[0]] - near[:, pairs[1]]
+    return near.index_select(1, pairs[0]) - near.index_select(1, pairs[1])

@@ -195,20 +195,31 @@ def _body_terms(figure: Figure, model: ReferenceModel, target: Target, w: Energy
     return terms
 
 
-def probe_weights(model: ReferenceModel, settings: Settings) -> tuple[Tensor, Tensor]:
-    """Which probes are looked at [P'], and their omega [R, P'], summing to 1."""
-    chosen = model.probes.thinned(settings.samples)
-    omega = torch.where(model.probes.knee[chosen], settings.knee_weight, 1.0)[None]
-    if settings.by_nearness:
-        omega = omega * model.nearness[:, chosen]
-        return chosen, omega / omega.sum(-1, keepdim=True)
-    return chosen, omega / len(chosen)
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """What the descriptors of R references look at, and how much each counts."""
+
+    chosen: Tensor  # [P'] which probes
+    omega: Tensor  # [R, P'], summing to 1
+    descriptors: Tensor  # [R, P', D] of the references
+
+    @classmethod
+    def of(cls, model: ReferenceModel, settings: Settings) -> "Aim":
+        """Of a model's references."""
+        chosen = model.probes.thinned(settings.samples)
+        omega = torch.where(model.probes.knee[chosen], settings.knee_weight, 1.0)[None]
+        if settings.by_nearness:
+            omega = omega * model.nearness[:, chosen]
+            omega = omega / omega.sum(-1, keepdim=True)
+        else:
+            omega = omega / len(chosen)
+        return cls(chosen, omega, model.descriptors_at(chosen))
 
 
 def _descriptor(figure: Figure, model: ReferenceModel, target: Target, settings: Settings) -> Tensor:
-    chosen, omega = probe_weights(model, settings)
-    values = pose_descriptor(target.field, target.latent, figure, model.probes, chosen)
-    return descriptor_energy(values, model.descriptors_at(chosen), omega)
+    aim = Aim.of(model, settings)
+    values = pose_descriptor(target.field, target.latent, figure, model.probes, aim.chosen)
+    return descriptor_energy(values, aim.descriptors, aim.omega)
 
 
 def without_descriptor(settings: Settings) -> Settings:

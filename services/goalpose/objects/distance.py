@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import torch
 
 _TINY = 1e-6  # [m]
+_TRILINEAR = (0, 1, True)  # as `grid_sample` below
 
 
 def turn_about_y(yaw: float) -> npt.NDArray[np.float64]:
@@ -46,17 +47,19 @@ class DistanceGrid:
         return self._interpolated(unit) + _length(beyond)[..., 0]
 
     def tangent(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Distance `[...]` [m] and its gradient `[..., 3]` at world points `[..., 3]` [m], in closed form but for the
-        interpolation."""
+        """Distance `[...]` [m] and its gradient `[..., 3]` at world points `[..., 3]` [m], in closed form."""
         import torch
 
         unit, beyond = self._placed(x.detach())
-        with torch.enable_grad():
-            found = self._interpolated(unit.requires_grad_())
-            (slope,) = torch.autograd.grad(found, unit, torch.ones_like(found))
+        places, values = unit.reshape(1, 1, 1, -1, 3), self._tensors[0].to(unit)
+        found = torch.ops.aten.grid_sampler_3d(values, places, *_TRILINEAR)
+        _, slope = torch.ops.aten.grid_sampler_3d_backward(
+            torch.ones_like(found), values, places, *_TRILINEAR, (False, True)
+        )
         far_away = _length(beyond)
-        gradient = torch.where(beyond == 0, slope * self._tensors[2].to(x), 0.0) + beyond / (far_away + _TINY)
-        return found.detach() + far_away[..., 0], self._world(gradient)
+        slope = slope.reshape(unit.shape) * self._tensors[2].to(x)
+        gradient = torch.where(beyond == 0, slope, 0.0) + beyond / (far_away + _TINY)
+        return found.reshape(unit.shape[:-1]) + far_away[..., 0], self._world(gradient)
 
     def _placed(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """World points in the grid, from -1 to 1 along every axis, and how far beyond its box they lie [m]."""

@@ -49,7 +49,7 @@ def sample_triangles(triangles: Array, areas: Array, count: int, *, seed: int) -
     u, v = np.where(folded, 1.0 - u, u), np.where(folded, 1.0 - v, v)
     corners = triangles[chosen]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normals = np.cross(first, second)
+    normals = _area_vectors(triangles)[chosen] if len(triangles) < count else np.cross(first, second)
     normals /= np.maximum(np.sqrt(np.einsum("fi,fi->f", normals, normals)), 1e-30)[:, None]
     return Samples(corners[:, 0] + u * first + v * second, normals)
 
