@@ -12,6 +12,8 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
+import shutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -100,9 +102,12 @@ def write(folder: Path, count: int, examples: Iterable[Example]) -> None:
 
 
 def open_or_write(folder: Path, count: int, examples: Callable[[], Iterable[Example]]) -> Store:
-    """The store in `folder`, made first if it is not there."""
+    """The store in `folder`, made first if it is not there, beside it: another process may be making it too."""
     if not (folder / "items.json").exists():
-        write(folder, count, examples())
+        part = folder.with_name(f"{folder.name}.{os.getpid()}")
+        write(part, count, examples())
+        shutil.rmtree(folder, ignore_errors=True)
+        part.replace(folder)
     return Store.open(folder)
 
 
