@@ -7,7 +7,7 @@ headings and, once, turned and moved at random, which must not change the pose r
     roam evaluate goalpose --objects DIR --json FILE [--sheet FILE.png] [--headings 12] [--held-out DIR] …
 
 Further studies, each with options of its own: `roam evaluate goalpose STUDY`, STUDY one of
-robustness, distance, ablation, solvers, physics, lie.
+robustness, distance, ablation, solvers, physics, lie, categories.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from evaluation.goalpose_sheet import write_sheets
 from evaluation.ledger import Ledger, Record
 from evaluation.study import run_study
 
-STUDIES = ("robustness", "distance", "ablation", "solvers", "physics", "lie")
+STUDIES = ("robustness", "distance", "ablation", "solvers", "physics", "lie", "categories")
 
 
 @dataclass(frozen=True, kw_only=True)

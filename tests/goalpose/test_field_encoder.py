@@ -2,13 +2,28 @@
 
 import numpy as np
 import torch
-from goalpose.field.encoder import SCALES, neighbourhoods, squared_distances
+from goalpose.field.encoder import SCALES, neighbourhoods, spread, squared_distances
 from goalpose.field.vectors import VectorBlock
 from scipy.spatial.transform import Rotation
 
 
 def turn() -> torch.Tensor:
     return torch.from_numpy(Rotation.random(rng=np.random.default_rng(3)).as_matrix())
+
+
+def test_anchors_lie_apart_whatever_the_batch() -> None:
+    """Of points in random order on a square, the chosen ones leave smaller holes than the first ones would."""
+    points = torch.rand(3, 1500, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([1.0, 0.0, 1.0])
+    rows = spread(points, 100)
+    assert all(len(set(row.tolist())) == 100 for row in rows)
+    chosen = points.gather(1, rows[..., None].expand(-1, -1, 3))
+    hole = torch.cdist(points, chosen).amin(-1).amax(-1)
+    assert (hole < 0.8 * torch.cdist(points, points[:, :100]).amin(-1).amax(-1)).all()
+    assert torch.equal(spread(points[1:2], 100), rows[1:2])
+
+
+def test_few_points_are_all_anchors() -> None:
+    assert spread(torch.rand(2, 20, 3), 128).sort(-1).values.tolist() == [list(range(20))] * 2
 
 
 def test_squared_distances() -> None:

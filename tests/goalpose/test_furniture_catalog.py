@@ -2,24 +2,25 @@
 
 import numpy as np
 import pytest
-from goalpose.furniture import CATEGORIES, Furniture, generate
+from goalpose.furniture import CATEGORIES, WITHIN, Furniture, generate
 
 SEEDS = range(6)
-WIDTH = {"sofa": (0.5, 3.6), "bench": (0.6, 2.2), "bed": (0.7, 2.4), "stool": (0.25, 1.1)}
+KINDS = (*CATEGORIES, *WITHIN)
+WIDTH = {"sofa": (0.5, 3.6), "daybed": (0.8, 2.5), "bench": (0.6, 2.2), "bed": (0.7, 2.4), "stool": (0.25, 1.1)}
 
 
 def pieces(category: str) -> list[Furniture]:
     return [generate(category, seed) for seed in SEEDS]
 
 
-@pytest.mark.parametrize("category", CATEGORIES)
+@pytest.mark.parametrize("category", KINDS)
 def test_same_seed_same_piece(category: str) -> None:
     first, second, other = generate(category, 3), generate(category, 3), generate(category, 4)
     assert np.array_equal(first.mesh[0], second.mesh[0])
     assert first.mesh[0].shape != other.mesh[0].shape or not np.allclose(first.mesh[0], other.mesh[0])
 
 
-@pytest.mark.parametrize("category", CATEGORIES)
+@pytest.mark.parametrize("category", KINDS)
 def test_stands_on_the_floor_with_a_real_size(category: str) -> None:
     for piece in pieces(category):
         low, high = piece.bounds
@@ -30,7 +31,7 @@ def test_stands_on_the_floor_with_a_real_size(category: str) -> None:
         assert 0.2 < high[1] < 1.9
 
 
-@pytest.mark.parametrize("category", CATEGORIES)
+@pytest.mark.parametrize("category", KINDS)
 def test_seat_points_lie_on_the_seat_with_room_above(category: str) -> None:
     """Free 12 cm above the point, solid within 12 cm below it or beside it (slats have gaps, cushions are soft)."""
     good, aside = [], np.linspace(-0.06, 0.06, 5)

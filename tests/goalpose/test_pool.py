@@ -121,7 +121,10 @@ def test_lanes_of_one_process_work_at_once_and_die_together(shape):
 
 
 def test_cancellation_frees_the_real_worker_within_one_iteration():
-    """In every stage: counted in the process, from the iteration during which the caller leaves."""
+    """In every stage: counted in the process, from the iteration during which the caller leaves.
+
+    Not every number is told: where a stage ends early the next goes on with a later one.
+    """
     pool = SynthesizerPool(SynthesizerSettings(), processes=1, load=load_counter)
     chair = pool.references["chair_sit"].shape
     for iteration in (1, 3, 5, 9, 16):
@@ -131,7 +134,7 @@ def test_cancellation_frees_the_real_worker_within_one_iteration():
                 chair,
                 GoalPoseRequest(reference="chair_sit", seed=iteration),
                 progress=told.append,
-                cancelled=lambda told=told, last=iteration: bool(told) and told[-1].iteration == last,
+                cancelled=lambda told=told, last=iteration: bool(told) and told[-1].iteration >= last,
             )
         assert caught.value.field == "iterations"
         assert int(str(caught.value)) <= 1

@@ -43,7 +43,7 @@ def together(synthesizer, leaving: int | None = None):
                 pair(FURNITURE[k]).shape,
                 asked(k),
                 progress=lambda progress: told.append(progress.iteration),
-                cancelled=lambda: k == leaving and bool(told) and told[-1] > 20,
+                cancelled=lambda: k == leaving and bool(told) and told[-1] > 12,
             )
         except Cancelled as error:
             outcomes[k] = error

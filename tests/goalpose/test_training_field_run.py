@@ -72,6 +72,21 @@ def test_run_leaves_records_and_resumes(store: Store, config: TrainingConfig) ->
         assert torch.equal(old, new)
 
 
+def test_a_run_of_so_many_steps_ends_after_them_whatever_the_minutes(store: Store, config: TrainingConfig) -> None:
+    run = Run(replace(config, minutes=0.0, steps=3))
+    run.train([Source(store, 1.0, 1.1)], {})
+    assert run.step == 3
+    assert parse(["--procedural-only", "--steps", "7"])[0].steps == 7
+
+
+def test_some_categories_of_a_store(store: Store) -> None:
+    chairs = store.only(["chair"])
+    rows = [row for row, category in enumerate(store.categories) if category == "chair"]
+    assert 0 < len(chairs) < len(store)
+    assert set(chairs.categories) == {"chair"}
+    assert np.array_equal(chairs.surface, store.surface[rows])
+
+
 def test_curves_have_one_line_per_report(store: Store, config: TrainingConfig) -> None:
     run = Run(replace(config, minutes=10.0))
     sources = [Source(store, 1.0, 1.1)]

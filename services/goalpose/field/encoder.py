@@ -15,6 +15,9 @@ from goalpose.field.vectors import VectorBlock, lengths
 
 SCALES = (0.2, 0.1, 0.05)
 """Standard deviations [m] of the neighbourhoods; each is half the one before, so its weights are the fourth power."""
+CANDIDATES = 4
+"""Points among which each anchor is chosen, so that anchors do not leave holes. More would spread them little better,
+and each is one more chance that the rounding of a turned upload decides between two."""
 VECTOR_INPUTS = 1 + 3 * len(SCALES)
 SCALAR_INPUTS = 1 + 3 * len(SCALES)
 
@@ -39,12 +42,13 @@ class Encoder(nn.Module):
     def forward(self, points: Tensor) -> Latent:
         center = points.mean(1)
         cloud = points - center[:, None]
-        anchors = cloud[:, : self.config.anchors]
         with torch.no_grad():
+            chosen = spread(cloud, self.config.anchors)[..., None].expand(-1, -1, 3)
+            anchors = cloud.gather(1, chosen)
             # Covariances are small differences of large moments: in float32 a turned upload differs by up to 7e-5 in
             # its descriptors, in float64 by 6e-6. Training does not need that and is quicker without.
             wide = cloud if self.training else cloud.double()
-            raw = neighbourhoods(wide[:, : self.config.anchors], wide)
+            raw = neighbourhoods(wide.gather(1, chosen), wide)
             raw_vectors, raw_scalars = raw[0].to(cloud.dtype), raw[1].to(cloud.dtype)
             closeness = squared_distances(anchors, anchors).mul_(-0.5 / self.config.smoothing**2)
             smoothing = torch.softmax(closeness, -1)
@@ -70,6 +74,28 @@ class Encoder(nn.Module):
         flat = turning.permute(0, 2, 3, 1, 4).reshape(batch, count, c.heads, 3 * c.local_vectors)
         place = anchors[:, :, None].expand(-1, -1, c.heads, -1)
         return torch.cat([own, flat, products, place], -1).transpose(1, 2)
+
+
+@torch.no_grad()
+def spread(cloud: Tensor, count: int) -> Tensor:
+    """Rows `[B, count]` of points `[B, N, 3]` in random order that lie apart from each other (Mitchell's candidates).
+
+    Each is, of a few candidates, the one farthest from all before. The first `count` points as they come, or all of
+    them spread by area, leave holes of several times the usual gap in a seat, and the field then sees holes there.
+    """
+    batch, total, _ = cloud.shape
+    count = min(count, total)
+    choices = max(1, min(CANDIDATES, total // count))
+    rows = torch.arange(choices * count, device=cloud.device).view(choices, count)
+    wide = cloud[:, : choices * count].double()
+    apart = torch.cdist(wide, wide, compute_mode="donot_use_mm_for_euclid_dist")
+    nearest = apart[:, 0].clone()
+    chosen, every = [rows[0, :1].expand(batch)], torch.arange(batch, device=cloud.device)
+    for k in range(1, count):
+        best = nearest[:, rows[:, k]].argmax(-1)
+        chosen.append(rows[best, k])
+        torch.minimum(nearest, apart[every, chosen[-1]], out=nearest)
+    return torch.stack(chosen, 1)
 
 
 def squared_distances(a: Tensor, b: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ chair.py sofa.py …      one file per kind
 catalog.py              the list of kinds: add yours there
 """
 
-from goalpose.furniture.catalog import CATEGORIES, generate
+from goalpose.furniture.catalog import CATEGORIES, WITHIN, generate
 from goalpose.furniture.piece import Furniture
 
-__all__ = ["CATEGORIES", "Furniture", "generate"]
+__all__ = ["CATEGORIES", "WITHIN", "Furniture", "generate"]

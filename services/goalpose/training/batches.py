@@ -10,11 +10,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from goalpose.training.scans import scan
 from goalpose.training.store import Store
 
 NO_FRONT = frozenset({"stool", "barstool"})
 """Categories on which no side is the front, so that nothing about it is asked."""
-CLOUD_SIZES = (500, 500, 500, 640, 800, 1024, 1500)
+CLOUD_SIZES = (500, 640, 800, 1024, 1500, 1500)
 UNIFORM_SHARE = 0.5
 
 
@@ -59,7 +60,7 @@ def _example(source: Source, random: np.random.Generator, count: int, queries: i
     store, row = source.store, int(random.integers(len(source.store)))
     scale = np.exp(random.uniform(-np.log(source.stretch), np.log(source.stretch), 3)).astype(np.float32)
     mirror = np.array([random.choice([-1.0, 1.0]), 1.0, 1.0], dtype=np.float32)
-    cloud = scan(store.surface[row].astype(np.float32) * scale, random, count) * mirror
+    cloud = scan(store.surface[row].astype(np.float32) * scale, store.normals[row], random, count) * mirror
     chosen = choose_queries(random, store.queries.shape[1], queries)
     points = store.queries[row, chosen].astype(np.float32) * scale
     # Stretching an axis changes distances by something between the factors; the sign stays exact.
@@ -83,15 +84,3 @@ def places(
     known = np.array([[1.0, float(np.isfinite(seat)), float(store.categories[row] not in NO_FRONT)]], dtype=np.float32)
     height = points[:, 1] - (seat if np.isfinite(seat) else 0.0)
     return np.stack([np.abs(points[:, 0]), height, points[:, 2]], -1).astype(np.float32), known
-
-
-def scan(cloud: NDArray[np.float32], random: np.random.Generator, count: int) -> NDArray[np.float32]:
-    """`count` of the points, at times noisy (up to 1 cm) and at times with one side missing."""
-    if random.random() < 0.15:
-        direction = random.standard_normal(3)
-        along = cloud @ (direction / np.linalg.norm(direction)).astype(np.float32)
-        cloud = cloud[along > np.quantile(along, random.uniform(0.05, 0.4))]
-    cloud = cloud[random.choice(len(cloud), count, replace=len(cloud) < count)]
-    if random.random() < 0.3:
-        cloud = cloud + random.uniform(0.0, 0.01) * random.standard_normal(cloud.shape).astype(np.float32)
-    return cloud

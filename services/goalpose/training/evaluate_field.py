@@ -19,7 +19,9 @@ import torch
 from torch import Tensor
 
 from goalpose.field import Field, Latent
-from goalpose.training.store import HELD_OUT_SEEDS, Store, mesh_examples, procedural_examples, write
+from goalpose.training.examples import is_held_out
+from goalpose.training.scans import CHANGES, CLOUD
+from goalpose.training.store import HELD_OUT_SEEDS, Store, mesh_examples, open_or_write, procedural_examples
 
 BAND = 0.03
 """Half width [m] of the tolerance band."""
@@ -45,14 +47,15 @@ class ShapeScore:
 
 @torch.no_grad()
 def score_store(
-    field: Field, store: Store, *, cloud: int = 1024, queries: int = 4000, threshold: float = 0.0
+    field: Field, store: Store, *, clouds: str = "plain", queries: int = 4000, threshold: float = 0.0
 ) -> list[ShapeScore]:
-    """Scores of every object of a store; deterministic. `threshold` is a logit."""
+    """Scores of every object of a store; deterministic. `clouds` is one of `CHANGES`, `threshold` a logit."""
     scores: list[ShapeScore] = []
     for row in range(len(store)):
         random = np.random.default_rng([4, row])
-        surface = store.surface[row].astype(np.float32)
-        points = torch.from_numpy(surface[random.permutation(len(surface))[:cloud]])[None]
+        order = random.permutation(len(store.surface[row]))
+        surface, normals = store.surface[row, order].astype(np.float32), store.normals[row, order]
+        points = torch.from_numpy(CHANGES[clouds](surface, normals, random))[None]
         where = torch.from_numpy(store.queries[row, :queries].astype(np.float32))[None]
         distance = torch.from_numpy(store.distance[row, :queries].astype(np.float32))
         latent = field.encode(points)
@@ -73,7 +76,7 @@ def choose_threshold(field: Field, store: Store, *, shapes: int = 60) -> float:
     candidates = np.arange(-2.0, 1.01, 0.25)
     total = np.zeros(len(candidates))
     for row in np.linspace(0, len(store) - 1, min(shapes, len(store))).astype(int):
-        cloud = torch.from_numpy(store.surface[row, :1024].astype(np.float32))[None]
+        cloud = torch.from_numpy(store.surface[row, :CLOUD].astype(np.float32))[None]
         where = torch.from_numpy(store.queries[row, :2000].astype(np.float32))[None]
         inside = torch.from_numpy(store.distance[row, :2000].astype(np.float32)) < 0
         logit = field.occupancy(field.encode(cloud), where)[0]
@@ -135,27 +138,57 @@ def print_table(name: str, table: dict[str, dict[str, float]]) -> None:
         print(f"  {category:12} {row['objects']:4d}{numbers}")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Scores a field on folders of meshes in canonical form (metres, +Y up, facing +Z) and on generated furniture."""
+def parse(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Command line."""
     parser = argparse.ArgumentParser(description="Occupancy of the descriptor field on unseen shapes.")
     parser.add_argument("--weights", type=Path, default=Path("weights/field.safetensors"))
     parser.add_argument("--objects", type=Path, nargs="*", default=[], metavar="DIR")
+    parser.add_argument(
+        "--held-out", type=Path, nargs="*", default=[], metavar="DIR", help="training folders: only what was left out"
+    )
     parser.add_argument("--procedural", type=int, default=30, metavar="N", help="generated shapes, never trained on")
+    parser.add_argument(
+        "--clouds", nargs="+", choices=tuple(CHANGES), default=["plain"], metavar="CHANGE", help=", ".join(CHANGES)
+    )
     parser.add_argument("--threshold", type=float, default=0.0, help="logit over which space counts as inside")
+    parser.add_argument("--data", type=Path, metavar="DIR", help="keep prepared shapes here; default: nowhere")
     parser.add_argument("--json", type=Path, metavar="FILE")
-    args = parser.parse_args(argv)
+    return parser.parse_args(argv)
+
+
+def prepared(args: argparse.Namespace, data: Path) -> dict[str, Store]:
+    """The shapes that the command line names, by the folder's name; kept in `data`."""
+    stores: dict[str, Store] = {}
+    for folder in args.objects:
+        stores[folder.name] = _meshes(data / folder.name, sorted(folder.glob("*.glb")))
+    for folder in args.held_out:
+        files = sorted(path for path in folder.glob("*.glb") if is_held_out(path.name))
+        stores[f"{folder.name}-held-out"] = _meshes(data / f"{folder.name}-held-out", files)
+    if args.procedural:
+        stores["procedural"] = open_or_write(
+            data / f"procedural-held-out-{args.procedural}",
+            args.procedural,
+            lambda: procedural_examples(args.procedural, seed=HELD_OUT_SEEDS),
+        )
+    return stores
+
+
+def _meshes(folder: Path, files: list[Path]) -> Store:
+    return open_or_write(folder, len(files), lambda: mesh_examples(files))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Scores a field on folders of meshes in canonical form (metres, +Y up, facing +Z) and on generated furniture."""
+    args = parse(argv)
     field = Field.load(args.weights)
     report: dict[str, dict[str, dict[str, float]]] = {}
     with tempfile.TemporaryDirectory() as scratch:
-        for folder in args.objects:
-            files = sorted(folder.glob("*.glb"))
-            write(Path(scratch) / folder.name, len(files), mesh_examples(files))
-        if args.procedural:
-            made = procedural_examples(args.procedural, seed=HELD_OUT_SEEDS)
-            write(Path(scratch) / "procedural", args.procedural, made)
-        for store in sorted(Path(scratch).iterdir()):
-            report[store.name] = by_category(score_store(field, Store.open(store), threshold=args.threshold))
-            print_table(store.name, report[store.name])
+        for name, store in prepared(args, args.data or Path(scratch)).items():
+            for clouds in args.clouds:
+                table = by_category(score_store(field, store, clouds=clouds, threshold=args.threshold))
+                told = name if clouds == "plain" else f"{name}, {clouds}"
+                report[told] = table
+                print_table(told, table)
     if args.json:
         args.json.write_text(json.dumps({"threshold": args.threshold, "shapes": report}, indent=2) + "\n")
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,8 @@ PADDING = 0.15
 """Free space [m] around the object in which queries are drawn; poses live there too."""
 NEAR_SHARE = 0.5
 """Share of the queries that lie close to the surface."""
+THICK = 0.03
+"""What is solid so far [m] below its surface is a body; a thinner board has no side that a scan could miss alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,8 @@ class Example:
     seat_height: float
     surface: NDArray[np.float16]
     """`[SURFACE_POINTS, 3]`"""
+    normals: NDArray[np.int8]
+    """`[SURFACE_POINTS, 3]` outward, in units of 1/127; zero on boards and on faces within a body."""
     queries: NDArray[np.float16]
     """`[QUERY_POINTS, 3]`: first the uniform half, then the half near the surface."""
     distance: NDArray[np.float16]
@@ -55,19 +60,29 @@ def draw_queries(surface: Array, bounds: Array, random: np.random.Generator) -> 
     return np.concatenate([uniform, close]).astype(np.float16)
 
 
+def body_normals(surface: Array, normals: Array, inside: Callable[[Array], NDArray[np.bool_]]) -> NDArray[np.int8]:
+    """Outward normals `[N, 3]` in units of 1/127 of points `[N, 3]` on bodies; zero where both sides are alike.
+
+    `normals` `[N, 3]` may point to either side; `inside` tells whether points lie in the object.
+    """
+    outwards = inside(surface - THICK * normals).astype(float) - inside(surface + THICK * normals)
+    return np.rint(127 * normals * outwards[:, None]).astype(np.int8)
+
+
 def from_furniture(piece: Furniture, *, name: str, seed: int) -> Example:
     """Example of a generated piece; the sign is exact, the magnitude that of the nearest of 20,000 surface points."""
     random = np.random.default_rng([1, seed])
-    dense, _ = piece.sample_surface(20_000, seed=seed)
+    dense, normals = piece.sample_surface(20_000, seed=seed)
     surface = dense
     if random.random() < 0.3:  # uploads often contain hidden inner faces
-        surface, _ = piece.sample_surface(SURFACE_POINTS, seed=seed, hidden=True)
+        surface, normals = piece.sample_surface(SURFACE_POINTS, seed=seed, hidden=True)
+    surface, normals = surface[:SURFACE_POINTS], normals[:SURFACE_POINTS]
     queries = draw_queries(dense, piece.bounds, random)
     points = queries.astype(np.float64)
     distance = np.maximum(cKDTree(dense).query(points)[0], 1e-3)
     signed = np.where(piece.occupancy(points), -distance, distance)
-    surface16 = surface[:SURFACE_POINTS].astype(np.float16)
-    return Example(name, piece.category, piece.seat_height, surface16, queries, signed.astype(np.float16))
+    outward, surface16 = body_normals(surface, normals, piece.occupancy), surface.astype(np.float16)
+    return Example(name, piece.category, piece.seat_height, surface16, outward, queries, signed.astype(np.float16))
 
 
 def from_mesh(path: Path, *, category: str, seat_height: float) -> Example:
@@ -76,7 +91,9 @@ def from_mesh(path: Path, *, category: str, seat_height: float) -> Example:
     seed = int.from_bytes(hashlib.sha256(path.name.encode()).digest()[:4], "little")
     random = np.random.default_rng([2, seed])
     labels = label_mesh(mesh, seed=seed)
-    surface = labels.samples[random.permutation(len(labels.samples))[:SURFACE_POINTS]]
+    chosen = random.permutation(len(labels.samples))[:SURFACE_POINTS]
+    surface = labels.samples[chosen]
     queries = draw_queries(surface, np.asarray(mesh.bounds), random)
     distance = labels.distance(queries.astype(np.float64)).astype(np.float16)
-    return Example(path.name, category, seat_height, surface.astype(np.float16), queries, distance)
+    outward = body_normals(surface, labels.normals[chosen], lambda points: labels.distance(points) < 0)
+    return Example(path.name, category, seat_height, surface.astype(np.float16), outward, queries, distance)

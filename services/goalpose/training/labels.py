@@ -37,6 +37,8 @@ class MeshLabels:
 
     samples: Array
     """`[M, 3]` dense points on the surface."""
+    normals: Array
+    """`[M, 3]` unit, from the winding of the triangles (not made consistent)."""
     inside: NDArray[np.bool_]
     """`[X, Y, Z]` voxels that the air from outside cannot reach."""
     origin: Array
@@ -66,14 +68,15 @@ def label_mesh(mesh: trimesh.Trimesh, *, seed: int = 0, pitch: float | None = No
     low, high = np.asarray(mesh.bounds)
     step = float(np.clip((high - low).max() / 200, 0.008, 0.014)) if pitch is None else pitch
     wanted = int(np.clip(3.0 * mesh.area / step**2, 60_000, 400_000))
-    samples = np.asarray(trimesh.sample.sample_surface(mesh, wanted, seed=seed)[0], dtype=np.float64)
+    drawn, faces = trimesh.sample.sample_surface(mesh, wanted, seed=seed)
+    samples, normals = np.asarray(drawn, dtype=np.float64), np.asarray(mesh.face_normals[faces], dtype=np.float64)
     origin = low - MARGIN * step
     surface = np.zeros(tuple(np.ceil((high - low) / step).astype(int) + 2 * MARGIN), dtype=bool)
     # Twelve points per voxel leave six in a million empty; with two or three the air finds a way through a large bed.
     for part in range(int(np.ceil(12.0 * mesh.area / step**2 / wanted))):
         points = samples if part == 0 else trimesh.sample.sample_surface(mesh, wanted, seed=seed + part)[0]
         surface[tuple(np.floor((points - origin) / step).astype(int).T)] = True
-    return MeshLabels(samples, _enclosed(surface, floor=MARGIN, pitch=step), origin, step)
+    return MeshLabels(samples, normals, _enclosed(surface, floor=MARGIN, pitch=step), origin, step)
 
 
 def _enclosed(surface: NDArray[np.bool_], *, floor: int, pitch: float) -> NDArray[np.bool_]:

@@ -19,6 +19,7 @@ import torch
 from goalpose.field import Field
 from goalpose.training.evaluate_field import by_category, choose_threshold, score_store
 from goalpose.training.field import TrainingConfig, prepare, read_config
+from goalpose.training.scans import CLOUD
 
 NAME = "field.safetensors"
 HEADING = "## Descriptor field"
@@ -53,6 +54,8 @@ def manifest_entry(
 ) -> dict[str, Any]:
     """What `weights/manifest.json` says about the file; `notes` are the run's own remarks."""
     recipe = {k: v for k, v in asdict(config).items() if k not in {"out", "data", "objects", "network"}}
+    if config.init is not None:
+        recipe["init"] = hashlib.sha256(Path(config.init).read_bytes()).hexdigest()
     return {
         "file": NAME,
         "sha256": hashlib.sha256(weights.read_bytes()).hexdigest(),
@@ -75,19 +78,24 @@ def card_section(entry: dict[str, Any]) -> str:
         "",
         f"`{NAME}`: vector-neuron encoder and occupancy decoder (paper 3.1.1), one model",
         f"for {len(recipe['categories'])} categories. Trained for {entry['minutes']} minutes on one CPU thread",
-        f"({entry['steps']} steps of {recipe['batch']} objects, seed {recipe['seed']})",
+        f"({entry['steps']} steps of {recipe['batch']} objects, seed {recipe['seed']}{_begun(recipe)})",
         f"on {shapes} shapes. The `test` set was never used, and about a sixth of the real `train`",
         "meshes is held out by a hash of the file name.",
         "",
-        f"Occupancy at logit > {quality['occupancy_logit_threshold']} (chosen on training shapes), from 1,024",
-        "surface points, over uniform queries in the box padded by 15 cm. *3 cm*: errors of up to 3 cm forgiven;",
-        "*beyond*: only points more than 3 cm from the surface count (left out where a shape is nowhere so thick).",
+        f"Occupancy at logit > {quality['occupancy_logit_threshold']} (chosen on training shapes), from {CLOUD:,}",
+        "surface points as the service takes, over uniform queries in the box padded by 15 cm. *3 cm*: errors of up to",
+        "3 cm forgiven; *beyond*: only points more than 3 cm from the surface count (left out where a shape is nowhere",
+        "so thick). Counted with the labels of today, in which bodies without an underside are solid.",
     ]
     for name in (key for key in quality if key.startswith("held_out_")):
         lines += ["", f"{name.removeprefix('held_out_').capitalize()} shapes, held out:", "", *_table(quality[name])]
     lines += ["", *LIMITS.splitlines(), *([""] if entry["notes"] else []), *entry["notes"].splitlines()]
     lines += ["", *CREDITS.splitlines(), ""]
     return "\n".join(lines)
+
+
+def _begun(recipe: dict[str, Any]) -> str:
+    return f", begun with the weights `{recipe['init'][:12]}…`" if recipe["init"] else ""
 
 
 def _table(scores: dict[str, dict[str, float]]) -> list[str]:
@@ -111,7 +119,10 @@ def replace_section(card: str, section: str) -> str:
 
 
 def publish(run: Path, weights: Path) -> dict[str, Any]:
-    """Copies the run's field to `weights`, measures it, and writes manifest and card. Returns the manifest entry."""
+    """Copies the run's field to `weights`, measures it, and writes manifest and card. Returns the manifest entry.
+
+    Weights that the run began with must still be where they were: not in `weights`, where they are written over.
+    """
     weights.mkdir(exist_ok=True)
     shutil.copyfile(run / NAME, weights / NAME)
     config = read_config(run)

@@ -2,6 +2,7 @@
 
 runs/field-data/<name>/items.json     name, category, seat height of every example
                        surface.npy    [E, 6000, 3] float16
+                       normals.npy    [E, 6000, 3] int8, outward, zero where a body has no outside
                        queries.npy    [E, 12000, 3] float16
                        distance.npy   [E, 12000] float16
 """
@@ -11,6 +12,8 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
+import shutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +40,13 @@ SHARES = {
     "bed": 6,
 }
 """How often each category is generated, in percent."""
+LAYOUT: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+    "surface": (np.float16, (SURFACE_POINTS, 3)),
+    "normals": (np.int8, (SURFACE_POINTS, 3)),
+    "queries": (np.float16, (QUERY_POINTS, 3)),
+    "distance": (np.float16, (QUERY_POINTS,)),
+}
+"""Arrays of a store: type and shape of one example's part, in the order of `Store`'s fields."""
 HELD_OUT_SEEDS = 1_000_000
 """Seeds from here on are never trained on."""
 
@@ -49,19 +59,25 @@ class Store:
     categories: tuple[str, ...]
     seat_heights: NDArray[np.float64]
     surface: NDArray[np.float16]
+    normals: NDArray[np.int8]
     queries: NDArray[np.float16]
     distance: NDArray[np.float16]
 
     def __len__(self) -> int:
         return len(self.names)
 
+    def only(self, categories: Sequence[str]) -> Store:
+        """The examples of some categories, in memory."""
+        rows = [row for row, category in enumerate(self.categories) if category in categories]
+        names, kept = (tuple(text[row] for row in rows) for text in (self.names, self.categories))
+        arrays = [np.asarray(getattr(self, part)[rows]) for part in LAYOUT]
+        return Store(names, kept, self.seat_heights[rows], *arrays)
+
     @staticmethod
     def open(folder: Path) -> Store:
         """Raises FileNotFoundError if the folder was not finished by `write`."""
         items: list[dict[str, Any]] = json.loads((folder / "items.json").read_text())
-        arrays = [
-            np.load(folder / f"{part}.npy", mmap_mode="r")[: len(items)] for part in ("surface", "queries", "distance")
-        ]
+        arrays = [np.load(folder / f"{part}.npy", mmap_mode="r")[: len(items)] for part in LAYOUT]
         heights = np.array([math.nan if i["seat_height"] is None else i["seat_height"] for i in items])
         names, categories = tuple(i["name"] for i in items), tuple(i["category"] for i in items)
         return Store(names, categories, heights, *arrays)
@@ -70,10 +86,9 @@ class Store:
 def write(folder: Path, count: int, examples: Iterable[Example]) -> None:
     """Writes up to `count` examples; `items.json` comes last, so an interrupted build is not taken for a whole one."""
     folder.mkdir(parents=True, exist_ok=True)
-    shapes = {"surface": (SURFACE_POINTS, 3), "queries": (QUERY_POINTS, 3), "distance": (QUERY_POINTS,)}
     arrays = {
-        part: np.lib.format.open_memmap(folder / f"{part}.npy", mode="w+", dtype=np.float16, shape=(count, *shape))
-        for part, shape in shapes.items()
+        part: np.lib.format.open_memmap(folder / f"{part}.npy", mode="w+", dtype=dtype, shape=(count, *shape))
+        for part, (dtype, shape) in LAYOUT.items()
     }
     items: list[dict[str, Any]] = []
     for row, example in enumerate(examples):
@@ -87,9 +102,12 @@ def write(folder: Path, count: int, examples: Iterable[Example]) -> None:
 
 
 def open_or_write(folder: Path, count: int, examples: Callable[[], Iterable[Example]]) -> Store:
-    """The store in `folder`, made first if it is not there."""
+    """The store in `folder`, made first if it is not there, beside it: another process may be making it too."""
     if not (folder / "items.json").exists():
-        write(folder, count, examples())
+        part = folder.with_name(f"{folder.name}.{os.getpid()}")
+        write(part, count, examples())
+        shutil.rmtree(folder, ignore_errors=True)
+        part.replace(folder)
     return Store.open(folder)
 
 
@@ -100,6 +118,12 @@ def procedural_examples(count: int, *, seed: int, categories: Sequence[str] = CA
     for k in range(count):
         category = categories[chosen[k]]
         yield from_furniture(generate(category, seed + k), name=f"{category}:{seed + k}", seed=seed + k)
+
+
+def kind_examples(kind: str, count: int) -> Iterable[Example]:
+    """`count` generated examples of one kind, with seeds from 0."""
+    for seed in range(count):
+        yield from_furniture(generate(kind, seed), name=f"{kind}:{seed}", seed=seed)
 
 
 def mesh_examples(files: Sequence[Path]) -> Iterable[Example]:
