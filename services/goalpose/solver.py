@@ -37,7 +37,7 @@ class Round:
 
 
 RIGID = Round(keep=14, each=2, iterations=3, samples=1, joints=False)
-JOINTS = Round(keep=8, each=1, iterations=4, samples=1, joints=True)
+JOINTS = Round(keep=8, each=1, iterations=6, samples=1, joints=True)
 FINISH = Round(keep=2, each=2, iterations=8, samples=3, joints=True)
 # Until it rests: what is left of the way is what two uploads of one object, turned and rounded, can differ by.
 POLISH = Round(keep=1, each=1, iterations=16, samples=3, joints=True, tolerance=1e-5, patience=2)
