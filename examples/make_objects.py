@@ -8,7 +8,7 @@ Metres, +Y up, standing on y = 0, seat facing +Z. The same code makes the same b
 from pathlib import Path
 
 import trimesh
-from goalpose.furniture.catalog import generate
+from roam_goalpose.furniture.catalog import generate
 
 OBJECTS = Path(__file__).parent / "objects"
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from character.clip import Clip
-from character.pose import Pose
-from character.skeleton import humanoid_skeleton
-from goalpose.furniture.piece import Furniture
-from goalpose.furniture.solids import Pillow
 from posture import LimbGoal, author_pose
+from roam_character.clip import Clip
+from roam_character.pose import Pose
+from roam_character.skeleton import humanoid_skeleton
+from roam_goalpose.furniture.piece import Furniture
+from roam_goalpose.furniture.solids import Pillow
 from seats import armchair, bar_stool, bed, bench, dining_chair, lounger, office_chair, open_armchair, sofa, stool
 
 FOLDER = Path(__file__).parent

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from character.kinematics import forward_kinematics, local_rotations
-from character.pose import Pose
-from character.rotation import quat_from_axes, quat_from_rotvec, quat_mul, quat_rotate
-from character.skeleton import Skeleton
+from roam_character.kinematics import forward_kinematics, local_rotations
+from roam_character.pose import Pose
+from roam_character.rotation import quat_from_axes, quat_from_rotvec, quat_mul, quat_rotate
+from roam_character.skeleton import Skeleton
 
 Array = npt.NDArray[np.float64]
 TRUNK = ("hips", "spine", "chest", "upperChest", "neck", "head")

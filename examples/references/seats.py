@@ -2,8 +2,8 @@
 
 import numpy as np
 import numpy.typing as npt
-from goalpose.furniture.piece import Furniture
-from goalpose.furniture.solids import Box, Loft, Pillow, Solid, Tube
+from roam_goalpose.furniture.piece import Furniture
+from roam_goalpose.furniture.solids import Box, Loft, Pillow, Solid, Tube
 
 Array = npt.NDArray[np.float64]
 

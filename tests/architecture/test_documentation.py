@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 import typer
-from goalpose.settings import GoalPoseSettings
-from motion.settings import MotionSettings
 from roam_command.main import app
-from serving.settings import ServerSettings
+from roam_goalpose.settings import GoalPoseSettings
+from roam_motion.settings import MotionSettings
+from roam_serving.settings import ServerSettings
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from character.clip import Clip
-from character.rotation import quat_from_rotvec
-from character.skeleton import humanoid_skeleton
+from roam_character.clip import Clip
+from roam_character.rotation import quat_from_rotvec
+from roam_character.skeleton import humanoid_skeleton
 
 
 @pytest.fixture

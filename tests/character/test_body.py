@@ -1,9 +1,9 @@
 """The capsule body fits any humanoid skeleton."""
 
 import numpy as np
-from character.body import body_capsules
-from character.pose import rest_pose
-from character.skeleton import load_skeleton
+from roam_character.body import body_capsules
+from roam_character.pose import rest_pose
+from roam_character.skeleton import load_skeleton
 
 
 def test_every_humanoid_bone_has_a_capsule_and_the_body_stands_on_the_floor():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from character.clip import Clip, clip_of
+from roam_character.clip import Clip, clip_of
 
 
 def test_resampling_keeps_the_motion(clip):

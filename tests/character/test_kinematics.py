@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import torch
-from character import kinematics, rotation
-from character.pose import rest_pose
-from character.skeleton import humanoid_skeleton, load_skeleton
+from roam_character import kinematics, rotation
+from roam_character.pose import rest_pose
+from roam_character.skeleton import humanoid_skeleton, load_skeleton
 from scipy.spatial.transform import Rotation
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from character.clip import Clip
-from character.formats.bvh import read_bvh
-from character.retarget import RetargetError, retarget
-from character.skeleton import Skeleton, humanoid_skeleton, load_skeleton
+from roam_character.clip import Clip
+from roam_character.formats.bvh import read_bvh
+from roam_character.retarget import RetargetError, retarget
+from roam_character.skeleton import Skeleton, humanoid_skeleton, load_skeleton
 
 
 def test_same_skeleton_is_left_alone(clip):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from character import rotation
+from roam_character import rotation
 from scipy.spatial.transform import Rotation
 
 Q = Rotation.random(64, random_state=0).as_quat()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from character.skeleton import Skeleton, humanoid_skeleton, load_skeleton
+from roam_character.skeleton import Skeleton, humanoid_skeleton, load_skeleton
 
 
 def test_humanoid_has_the_vrm_bones_from_hips_to_toes():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from character import wire
+from roam_character import wire
 from scipy.spatial.transform import Rotation
 
 Q = Rotation.random(500, random_state=4).as_quat().astype(np.float32)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from character.body import body_capsules
-from character.kinematics import forward_kinematics
-from character.skeleton import humanoid_skeleton
-from serving.skeletons import skeleton_message
+from roam_character.body import body_capsules
+from roam_character.kinematics import forward_kinematics
+from roam_character.skeleton import humanoid_skeleton
+from roam_serving.skeletons import skeleton_message
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "client"))
 

@@ -8,13 +8,13 @@ from roam_command.main import app
 from typer.testing import CliRunner
 
 COMMANDS = {
-    ("train", "field"): "goalpose.training.field",
-    ("train", "motion"): "motion.training.motion",
-    ("evaluate", "field"): "goalpose.training.evaluate_field",
-    ("evaluate", "goalpose"): "evaluation.goalpose",
-    ("evaluate", "motion"): "evaluation.motion",
-    ("evaluate", "throughput"): "evaluation.throughput",
-    ("evaluate", "load"): "evaluation.load",
+    ("train", "field"): "roam_goalpose.training.field",
+    ("train", "motion"): "roam_motion.training.motion",
+    ("evaluate", "field"): "roam_goalpose.training.evaluate_field",
+    ("evaluate", "goalpose"): "roam_evaluation.goalpose.success",
+    ("evaluate", "motion"): "roam_evaluation.motion.approaches",
+    ("evaluate", "throughput"): "roam_evaluation.service.throughput",
+    ("evaluate", "load"): "roam_evaluation.service.load",
 }
 
 
@@ -33,7 +33,7 @@ def test_arguments_are_passed_on_and_the_answer_is_the_exit_code(monkeypatch, co
 
 
 def test_a_missing_package_says_what_to_do(monkeypatch):
-    monkeypatch.setitem(sys.modules, "goalpose.training.field", None)
+    monkeypatch.setitem(sys.modules, "roam_goalpose.training.field", None)
     result = CliRunner().invoke(app, ["train", "field"])
     assert result.exit_code == 2
     assert "scripts/install" in result.stderr

@@ -90,7 +90,7 @@ def test_the_character_sits_on_the_bundled_chair(sat: tuple[dict, Path]):
 
 
 def test_the_saved_files_agree(sat: tuple[dict, Path]):
-    from character.formats.bvh import read_bvh
+    from roam_character.formats.bvh import read_bvh
 
     answer, folder = sat
     clip = read_bvh(folder / "sit.bvh")
@@ -134,7 +134,7 @@ def test_the_baking_example(served: Served):
 
 
 def test_the_bundled_objects_are_furniture():
-    from goalpose.objects import load_shape
+    from roam_goalpose.objects import load_shape
 
     made = example("make_objects")
     files = sorted(made.OBJECTS.glob("*.glb"))

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from goalpose.errors import GOALPOSE_ERRORS
-from motion.errors import MOTION_ERRORS
-from serving.errors import COMMON, table_markdown
-from serving.skeletons import SKELETON_NOT_FOUND
+from roam_goalpose.errors import GOALPOSE_ERRORS
+from roam_motion.errors import MOTION_ERRORS
+from roam_serving.errors import COMMON, table_markdown
+from roam_serving.skeletons import SKELETON_NOT_FOUND
 
 PATH = Path(__file__).parents[2] / "docs" / "errors.md"
 

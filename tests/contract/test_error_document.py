@@ -4,8 +4,8 @@ import re
 
 import pytest
 from error_document import PATH, SECTIONS, document
-from goalpose.objects.errors import REASONS
-from serving.errors import by_reason
+from roam_goalpose.objects.errors import REASONS
+from roam_serving.errors import by_reason
 
 KINDS = by_reason(kind for _, kinds in SECTIONS for kind in kinds)
 

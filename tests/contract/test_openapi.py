@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 import schemathesis
-from goalpose.app import GoalPoseService
-from goalpose.settings import GoalPoseSettings
-from goalpose.synthesis import Synthesizer
 from hypothesis import HealthCheck, given, settings
-from motion.app import MotionService
-from motion.settings import MotionSettings
-from motion.step import Animator
 from roam_command.embedded import running_in_thread
+from roam_goalpose.app import GoalPoseService
+from roam_goalpose.settings import GoalPoseSettings
+from roam_goalpose.synthesis import Synthesizer
+from roam_motion.animator import Animator
+from roam_motion.app import MotionService
+from roam_motion.settings import MotionSettings
 from schemathesis.checks import not_a_server_error
 from schemathesis.specs.openapi.checks import (
     content_type_conformance,

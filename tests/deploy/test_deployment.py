@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from goalpose.application import GoalPoseApplication
-from goalpose.settings import GoalPoseSettings
-from motion.settings import MotionSettings
-from motion.stream_metrics import StreamMetrics
-from motion.ticker import TickerMetrics
-from serving.metrics import Metrics
+from roam_goalpose.service.application import GoalPoseApplication
+from roam_goalpose.settings import GoalPoseSettings
+from roam_motion.session.stream_metrics import StreamMetrics
+from roam_motion.session.ticker import TickerMetrics
+from roam_motion.settings import MotionSettings
+from roam_serving.metrics import Metrics
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"

@@ -4,10 +4,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from goalpose.references import load_reference
-
-from evaluation.goalpose_objects import EvaluationObject
-from evaluation.goalpose_runs import Run
+from roam_evaluation.goalpose.objects import EvaluationObject
+from roam_evaluation.goalpose.runs import Run
+from roam_goalpose.references.pairs import load_reference
 
 ROOT = Path(__file__).parents[2]
 CHAIR = EvaluationObject(ROOT / "examples" / "references" / "chair_sit.glb", "chair", "", 0.45)

@@ -2,10 +2,9 @@
 
 import pytest
 import torch
-from goalpose.synthesis import Synthesizer
+from roam_evaluation.goalpose.ablation import CHANGES, ablated
+from roam_goalpose.synthesis import Synthesizer
 from seating import sitter
-
-from evaluation.goalpose_ablation import CHANGES, ablated
 
 
 class Landmarks:

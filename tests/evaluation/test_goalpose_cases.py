@@ -2,10 +2,7 @@
 
 import numpy as np
 import pytest
-from goalpose.objects.distance import turn_about_y
-from seating import CHAIR, sitter
-
-from evaluation.goalpose_cases import (
+from roam_evaluation.goalpose.cases import (
     cloud_case,
     faced_case,
     plain_case,
@@ -15,6 +12,8 @@ from evaluation.goalpose_cases import (
     tumbled_case,
     turned_case,
 )
+from roam_goalpose.objects.distance import turn_about_y
+from seating import CHAIR, sitter
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,8 @@
 
 import math
 
-from goalpose.furniture import CATEGORIES
-
-from evaluation.goalpose_categories import MODELS, SPECIALISTS, summarise
+from roam_evaluation.goalpose.categories import MODELS, SPECIALISTS, summarise
+from roam_goalpose.furniture import CATEGORIES
 
 
 def record(model: str, category: str, iou: float) -> dict[str, object]:

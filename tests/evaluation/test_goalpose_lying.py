@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from goalpose.objects import load_shape
-from goalpose.references import ReferencePair, load_reference
-from goalpose.synthesis import GoalPoseResult
-
-from evaluation.goalpose_lie import summarise
-from evaluation.goalpose_lying import LyingRun, judge_lying, lying_run_from, support_gaps
-from evaluation.goalpose_objects import EvaluationObject
+from roam_evaluation.goalpose.lie import summarise
+from roam_evaluation.goalpose.lying import LyingRun, judge_lying, lying_run_from, support_gaps
+from roam_evaluation.goalpose.objects import EvaluationObject
+from roam_goalpose.objects import load_shape
+from roam_goalpose.references.pairs import ReferencePair, load_reference
+from roam_goalpose.synthesis import GoalPoseResult
 
 REFERENCES = Path(__file__).parents[2] / "examples" / "references"
 

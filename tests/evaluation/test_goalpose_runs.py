@@ -3,11 +3,10 @@
 import math
 
 import pytest
-from goalpose.synthesis import GoalPoseResult
+from roam_evaluation.goalpose.cases import plain_case, scaled_case, turned_case
+from roam_evaluation.goalpose.runs import hip_height_of, judge, run_from
+from roam_goalpose.synthesis import GoalPoseResult
 from seating import CHAIR, run, sitter
-
-from evaluation.goalpose_cases import plain_case, scaled_case, turned_case
-from evaluation.goalpose_runs import hip_height_of, judge, run_from
 
 
 @pytest.mark.parametrize(

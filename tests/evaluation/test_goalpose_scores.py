@@ -1,9 +1,8 @@
 """Figures over many runs."""
 
 import pytest
+from roam_evaluation.goalpose.scores import area, figures, penetration_curve, summarise, summarise_variants
 from seating import run
-
-from evaluation.goalpose_scores import area, figures, penetration_curve, summarise, summarise_variants
 
 
 def test_penetration_curve_and_its_area():

@@ -2,7 +2,7 @@
 
 import json
 
-from evaluation.ledger import Ledger
+from roam_evaluation.shared.ledger import Ledger
 
 
 def ledger(path, plan=None, **options):

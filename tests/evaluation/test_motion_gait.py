@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from character.pose import rest_pose
-from character.skeleton import humanoid_skeleton
-from motion.figure import humanoid_figure
-
-from evaluation.motion_gait import beside, gait, steady
-from evaluation.motion_measures import Track, walking_features
+from roam_character.pose import rest_pose
+from roam_character.skeleton import humanoid_skeleton
+from roam_evaluation.motion.gait import beside, gait, steady
+from roam_evaluation.motion.measures import Track, walking_features
+from roam_motion.animation.figure import humanoid_figure
 
 FIGURE = humanoid_figure()
 

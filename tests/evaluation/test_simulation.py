@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from roam_evaluation.goalpose.solid_boxes import solid_boxes
 from seating import sitter
-
-from evaluation.solid_boxes import solid_boxes
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'roam-services[evaluation]'")
 
-from evaluation.simulation import drift
+from roam_evaluation.goalpose.simulation import drift
 
 
 def test_a_sitter_stays():

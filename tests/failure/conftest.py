@@ -1,8 +1,8 @@
 """A Redis and a pool of replicas, of which every test may kill one."""
 
 import pytest
-from motion.app import SHIPPED_WEIGHTS
 from replicas import REDIS, Redis, Replica, address, ended_with_the_block, start_motion
+from roam_motion.app import SHIPPED_WEIGHTS
 
 
 @pytest.fixture(scope="session")

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import psutil
-from motion.app import SHIPPED_WEIGHTS
-from motion.step import Animator, Idle, Steer
+from roam_motion.animator import Animator, Idle, Steer
+from roam_motion.app import SHIPPED_WEIGHTS
 
 REDIS = shutil.which("redis-server")
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1"}
@@ -47,10 +47,10 @@ class Redis:
 
 
 def start_motion(store):
-    """`python -m motion.app` on free ports; call `address` to wait until it is ready."""
+    """`python -m roam_motion.app` on free ports; call `address` to wait until it is ready."""
     arguments = ["--http-port", "0", "--grpc-port", "0", "--log-level", "error", "--session-store", store]
     return subprocess.Popen(
-        [sys.executable, "-m", "motion.app", *arguments], env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "roam_motion.app", *arguments], env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
     )
 
 

@@ -1,11 +1,11 @@
 """A goal pose server on free ports, run by the stand-in synthesizer of `poser`."""
 
 import pytest
-from goalpose.app import GoalPoseService
-from goalpose.settings import GoalPoseSettings
-from goalpose.synthesis import Synthesizer
 from poser import Poser
-from serving.server import running
+from roam_goalpose.app import GoalPoseService
+from roam_goalpose.settings import GoalPoseSettings
+from roam_goalpose.synthesis import Synthesizer
+from roam_serving.server import running
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ import time
 from dataclasses import replace
 from unittest import mock
 
-from goalpose import newton
-from goalpose.progress import Cancelled, Progress
-from goalpose.synthesis import RequestError, Synthesizer
 from poser import Poser
+from roam_goalpose.solvers import gauss_newton as newton
+from roam_goalpose.solvers.progress import Cancelled, Progress
+from roam_goalpose.synthesis import RequestError, Synthesizer
 
 WAIT, DIE, REFUSE, FAIL = 101, 102, 103, 104
 

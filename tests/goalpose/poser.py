@@ -6,13 +6,13 @@ from functools import cache
 
 import numpy as np
 import trimesh
-from character.pose import rest_pose
-from character.skeleton import humanoid_skeleton
-from goalpose.diagnostics import PoseWarning
-from goalpose.objects import load_shape
-from goalpose.progress import Cancelled, Progress
-from goalpose.references import ReferencePair
-from goalpose.synthesis import GoalPoseResult, RankedPose
+from roam_character.pose import rest_pose
+from roam_character.skeleton import humanoid_skeleton
+from roam_goalpose.assessment.diagnostics import PoseWarning
+from roam_goalpose.objects import load_shape
+from roam_goalpose.references.pairs import ReferencePair
+from roam_goalpose.solvers.progress import Cancelled, Progress
+from roam_goalpose.synthesis import GoalPoseResult, RankedPose
 
 
 def box_file(size: float = 0.5) -> bytes:

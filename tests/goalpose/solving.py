@@ -5,9 +5,9 @@ from functools import cache
 from pathlib import Path
 
 import torch
-from goalpose.energy.total import ReferenceModel, Target
-from goalpose.reference_model import model_reference, study_pair
-from goalpose.references import ReferencePair, load_reference
+from roam_goalpose.energy.total import ReferenceModel, Target
+from roam_goalpose.references.model import model_reference, study_pair
+from roam_goalpose.references.pairs import ReferencePair, load_reference
 from torch import Tensor
 
 REFERENCES = Path(__file__).parents[2] / "examples" / "references"

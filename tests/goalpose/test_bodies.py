@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from character.skeleton import Tip, humanoid_skeleton
-from goalpose.bodies import check_bones, fitted
-from goalpose.quality import bone_penetrations
-from goalpose.reference_model import height_above_surface
+from roam_character.skeleton import Tip, humanoid_skeleton
+from roam_goalpose.assessment.quality import bone_penetrations
+from roam_goalpose.references.bodies import check_bones, fitted
+from roam_goalpose.references.model import height_above_surface
 from solving import pair
 from torch import as_tensor
 

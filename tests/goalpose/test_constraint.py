@@ -4,9 +4,8 @@ import math
 
 import pytest
 import torch
-from goalpose.candidates import facing_yaw
-from goalpose.energy.chain import Chain
-from goalpose.energy.constraint import (
+from roam_goalpose.energy.chain import Chain
+from roam_goalpose.energy.constraint import (
     NEAR,
     NONE,
     Constraints,
@@ -15,9 +14,10 @@ from goalpose.energy.constraint import (
     constraint_motion,
     constraints_in,
 )
-from goalpose.newton import moved
-from goalpose.objects.own_axes import Placement
-from goalpose.search import turned_figures
+from roam_goalpose.objects.own_axes import Placement
+from roam_goalpose.solvers.candidates import facing_yaw
+from roam_goalpose.solvers.gauss_newton import moved
+from roam_goalpose.solvers.search import turned_figures
 from solving import model, pair
 
 ALL = Constraints(

@@ -3,17 +3,17 @@ from dataclasses import fields
 
 import pytest
 import torch
-from character.rotation import quat_from_rotvec, quat_mul
-from goalpose.energy.angle_limit import swing_twist
-from goalpose.energy.contact import FLOOR, SUPPORT
-from goalpose.energy.figure import figure_from_pose
-from goalpose.energy.floor import floor
-from goalpose.energy.penetration import penetration_depths
-from goalpose.energy.total import Settings, total_energy
-from goalpose.energy.weights import DEFAULT, EnergyWeights
-from goalpose.expansion import expand
-from goalpose.newton import moved
-from goalpose.search import turned_figures
+from roam_character.rotation import quat_from_rotvec, quat_mul
+from roam_goalpose.energy.angle_limit import swing_twist
+from roam_goalpose.energy.contact import FLOOR, SUPPORT
+from roam_goalpose.energy.expansion import expand
+from roam_goalpose.energy.figure import figure_from_pose
+from roam_goalpose.energy.floor import floor
+from roam_goalpose.energy.penetration import penetration_depths
+from roam_goalpose.energy.total import Settings, total_energy
+from roam_goalpose.energy.weights import DEFAULT, EnergyWeights
+from roam_goalpose.solvers.gauss_newton import moved
+from roam_goalpose.solvers.search import turned_figures
 from solving import model, pair, target_of
 
 NAMES = [f.name for f in fields(EnergyWeights) if f.name != "constraint"]  # which wants wishes

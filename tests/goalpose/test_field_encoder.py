@@ -2,8 +2,8 @@
 
 import numpy as np
 import torch
-from goalpose.field.encoder import SCALES, neighbourhoods, spread, squared_distances
-from goalpose.field.vectors import VectorBlock
+from roam_goalpose.field.encoder import SCALES, neighbourhoods, spread, squared_distances
+from roam_goalpose.field.vectors import VectorBlock
 from scipy.spatial.transform import Rotation
 
 

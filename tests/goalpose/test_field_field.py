@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from goalpose.field import Field, FieldConfig
-from goalpose.furniture import generate
+from roam_goalpose.field import Field, FieldConfig
+from roam_goalpose.furniture import generate
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 

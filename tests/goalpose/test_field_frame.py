@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from goalpose.field import Field, estimate_frame
-from goalpose.furniture import generate
+from roam_goalpose.field import Field, estimate_frame
+from roam_goalpose.furniture import generate
 from scipy.spatial.transform import Rotation
 
 WEIGHTS = Path(__file__).parents[2] / "weights" / "field.safetensors"

@@ -2,8 +2,8 @@
 
 import pytest
 import torch
-from goalpose.field import Field, FieldConfig
-from goalpose.field.latent import latent_concat
+from roam_goalpose.field import Field, FieldConfig
+from roam_goalpose.field.latent import latent_concat
 from torch import Tensor
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from goalpose.furniture import CATEGORIES, WITHIN, Furniture, generate
+from roam_goalpose.furniture import CATEGORIES, WITHIN, Furniture, generate
 
 SEEDS = range(6)
 KINDS = (*CATEGORIES, *WITHIN)

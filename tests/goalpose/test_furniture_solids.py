@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from goalpose.furniture.sheets import Prism, Sheet, Wall, smooth_curve
-from goalpose.furniture.solids import Box, Loft, Pillow, Solid, Tube, turn_x, turn_y, vector
+from roam_goalpose.furniture.sheets import Prism, Sheet, Wall, smooth_curve
+from roam_goalpose.furniture.solids import Box, Loft, Pillow, Solid, Tube, turn_x, turn_y, vector
 
 SOLIDS: dict[str, Solid] = {
     "box": Box(center=vector(0.1, 0.4, 0), half=vector(0.3, 0.1, 0.2), rotation=turn_x(0.3)),

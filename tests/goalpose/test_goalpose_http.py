@@ -9,13 +9,13 @@ import numpy as np
 import psutil
 import pytest
 import trimesh
-from character.skeleton import humanoid_skeleton
-from goalpose.app import GoalPoseService
-from goalpose.energy.weights import DEFAULT
-from goalpose.settings import GoalPoseSettings
-from goalpose.synthesis import Synthesizer
 from poser import box_file
-from serving.server import running
+from roam_character.skeleton import humanoid_skeleton
+from roam_goalpose.app import GoalPoseService
+from roam_goalpose.energy.weights import DEFAULT
+from roam_goalpose.settings import GoalPoseSettings
+from roam_goalpose.synthesis import Synthesizer
+from roam_serving.server import running
 
 
 @pytest.fixture
@@ -239,7 +239,7 @@ async def test_uploads_are_read_in_a_child_process(monkeypatch, poser):
         running([service], settings) as addresses,
         httpx.AsyncClient(base_url=addresses.http, timeout=30) as client,
     ):
-        readers = [child for child in psutil.Process().children() if "goalpose.objects.worker" in child.cmdline()]
+        readers = [child for child in psutil.Process().children() if "roam_goalpose.objects.worker" in child.cmdline()]
         assert readers
         assert (await upload(client)).status_code == 201
         refused = await upload(client, content=b"?", params={"format": "glb"})

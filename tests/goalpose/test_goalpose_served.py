@@ -3,13 +3,13 @@
 import grpc
 import numpy as np
 import pytest
-from character.kinematics import forward_kinematics
-from character.skeleton import humanoid_skeleton
-from goalpose.app import GoalPoseService
-from goalpose.settings import GoalPoseSettings
-from goalpose.synthesis import SynthesizerSettings
 from roam.v1 import goal_pose_pb2, goal_pose_pb2_grpc, skeleton_pb2
-from serving.server import running
+from roam_character.kinematics import forward_kinematics
+from roam_character.skeleton import humanoid_skeleton
+from roam_goalpose.app import GoalPoseService
+from roam_goalpose.settings import GoalPoseSettings
+from roam_goalpose.synthesis import SynthesizerSettings
+from roam_serving.server import running
 
 SHIPPED = SynthesizerSettings()
 CHAIR = SHIPPED.references.parent / "objects" / "chair.glb"

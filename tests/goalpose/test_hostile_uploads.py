@@ -8,17 +8,17 @@ import grpc
 import httpx
 import psutil
 import pytest
-from goalpose.app import GoalPoseService
-from goalpose.errors import OBJECT_ERRORS
-from goalpose.settings import GoalPoseSettings
-from goalpose.synthesis import Synthesizer
 from google.rpc import error_details_pb2
 from grpc_status import rpc_status
 from hostile_files import HOSTILE
 from poser import Poser, box_file
 from roam.v1 import goal_pose_pb2, goal_pose_pb2_grpc
-from serving.errors import COMMON, by_reason
-from serving.server import Addresses, running
+from roam_goalpose.app import GoalPoseService
+from roam_goalpose.errors import OBJECT_ERRORS
+from roam_goalpose.settings import GoalPoseSettings
+from roam_goalpose.synthesis import Synthesizer
+from roam_serving.errors import COMMON, by_reason
+from roam_serving.server import Addresses, running
 
 TABLE = by_reason([*COMMON, *OBJECT_ERRORS])
 MOST_GROWTH = 150 << 20  # bytes, of server and reader together over all files; libraries load, heaps settle

@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 from box_furniture import box, box_chair, box_sofa
-from goalpose.objects import load_shape
+from roam_goalpose.objects import load_shape
 
 LOW, HIGH = np.array([-0.25, 0.0, -0.3]), np.array([0.25, 0.45, 0.3])
 

@@ -1,6 +1,6 @@
 import numpy as np
 import shapely
-from goalpose.objects.footprint import footprint
+from roam_goalpose.objects.footprint import footprint
 from shapely.geometry import Point, Polygon
 
 

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 from box_furniture import box_chair
-from goalpose.objects import FORMATS, REASONS, ObjectError, format_of
-from goalpose.objects.formats import check_content, check_format, sniff
+from roam_goalpose.objects import FORMATS, REASONS, ObjectError, format_of
+from roam_goalpose.objects.formats import check_content, check_format, sniff
 
 
 @pytest.mark.parametrize("format", FORMATS)

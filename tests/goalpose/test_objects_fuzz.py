@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 from box_furniture import box_chair
-from goalpose.objects import FORMATS, Limits, ObjectError
-from goalpose.objects.reading import read_geometry
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from roam_goalpose.objects import FORMATS, Limits, ObjectError
+from roam_goalpose.objects.reading import read_geometry
 
 MANY = int(os.environ.get("ROAM_FUZZ_EXAMPLES", "0"))
 LIMITS = Limits(bytes=2**20, vertices=50_000, faces=50_000)

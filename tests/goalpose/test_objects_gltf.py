@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from box_furniture import box_chair
-from goalpose.objects import Limits, ObjectError
-from goalpose.objects.reading import read_geometry
+from roam_goalpose.objects import Limits, ObjectError
+from roam_goalpose.objects.reading import read_geometry
 
 
 def _parts():

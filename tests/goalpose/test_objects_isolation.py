@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from box_furniture import box_chair
-from goalpose.objects import IsolatedLoader, Limits, ObjectError, load_shape
+from roam_goalpose.objects import IsolatedLoader, Limits, ObjectError, load_shape
 
 
 @pytest.fixture(scope="module")

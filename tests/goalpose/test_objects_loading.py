@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 from box_furniture import box_chair, box_sofa, chair_parts
-from goalpose.objects import ObjectError, format_of, load_shape
+from roam_goalpose.objects import ObjectError, format_of, load_shape
 
 Z_UP = trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])  # +Y up → +Z up
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 from box_furniture import box, box_chair, box_sofa
-from goalpose.furniture import generate
-from goalpose.objects import load_shape
-from goalpose.objects.tilt import stands, turn_to_y
+from roam_goalpose.furniture import generate
+from roam_goalpose.objects import load_shape
+from roam_goalpose.objects.tilt import stands, turn_to_y
 from scipy.spatial.transform import Rotation
 
 

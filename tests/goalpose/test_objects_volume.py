@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from character.volume import STEP, Volume
-from goalpose.objects import load_shape
-from goalpose.objects.distance import turn_about_y
-from goalpose.objects.volume import shape_volume
+from roam_character.volume import STEP, Volume
+from roam_goalpose.objects import load_shape
+from roam_goalpose.objects.distance import turn_about_y
+from roam_goalpose.objects.volume import shape_volume
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "objects"
 

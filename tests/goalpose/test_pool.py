@@ -7,12 +7,12 @@ import time
 import numpy as np
 import psutil
 import pytest
-from goalpose.objects import load_shape
-from goalpose.pool import SynthesizerPool
-from goalpose.progress import Cancelled
-from goalpose.synthesis import GoalPoseRequest, RequestError, SynthesizerSettings
 from pool_worker import DIE, FAIL, REFUSE, WAIT, load, load_counter, load_nothing
 from poser import Poser, box_file
+from roam_goalpose.objects import load_shape
+from roam_goalpose.service.pool import SynthesizerPool
+from roam_goalpose.solvers.progress import Cancelled
+from roam_goalpose.synthesis import GoalPoseRequest, RequestError, SynthesizerSettings
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from character.body import body_capsules
-from goalpose.quality import bone_penetrations, joint_limit_use, quality_of
-from goalpose.result import RankedPose
-from goalpose.synthesis import GoalPoseRequest
+from roam_character.body import body_capsules
+from roam_goalpose.assessment.quality import bone_penetrations, joint_limit_use, quality_of
+from roam_goalpose.assessment.result import RankedPose
+from roam_goalpose.synthesis import GoalPoseRequest
 from solving import pair
 
 

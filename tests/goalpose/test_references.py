@@ -3,7 +3,7 @@ import shutil
 
 import numpy as np
 import pytest
-from goalpose.references import load_reference, load_references
+from roam_goalpose.references.pairs import load_reference, load_references
 from solving import REFERENCES, pair
 
 

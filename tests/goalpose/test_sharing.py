@@ -4,10 +4,10 @@ import threading
 from pathlib import Path
 
 import pytest
-from goalpose import sharing
-from goalpose.field import Field
-from goalpose.progress import Cancelled
-from goalpose.synthesis import GoalPoseRequest, Synthesizer
+from roam_goalpose.field import Field
+from roam_goalpose.solvers import sharing
+from roam_goalpose.solvers.progress import Cancelled
+from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer
 from solving import pair
 
 WEIGHTS = Path(__file__).parents[2] / "weights" / "field.safetensors"

@@ -2,16 +2,16 @@ import math
 
 import pytest
 import torch
-from goalpose.candidates import Candidates, facing_yaw
-from goalpose.energy.total import ReferenceModel, Settings, Target
-from goalpose.energy.weights import DEFAULT
-from goalpose.legs import settle_legs
-from goalpose.newton import Problem, minimise
-from goalpose.paper_solver import PaperConfig, solve_paper
-from goalpose.places import find_places
-from goalpose.progress import Cancelled, Watch
-from goalpose.search import evaluate, placed_figures
-from goalpose.solver import SolverConfig, solve
+from roam_goalpose.energy.total import ReferenceModel, Settings, Target
+from roam_goalpose.energy.weights import DEFAULT
+from roam_goalpose.references.legs import settle_legs
+from roam_goalpose.solvers.candidates import Candidates, facing_yaw
+from roam_goalpose.solvers.gauss_newton import Problem, minimise
+from roam_goalpose.solvers.paper import PaperConfig, solve_paper
+from roam_goalpose.solvers.places import find_places
+from roam_goalpose.solvers.progress import Cancelled, Watch
+from roam_goalpose.solvers.search import evaluate, placed_figures
+from roam_goalpose.solvers.staged import SolverConfig, solve
 from solving import model, pair, target_of
 
 

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import trimesh
 from box_furniture import box
-from character.rotation import quat_from_yaw, quat_rotate
-from goalpose.diagnostics import warn
-from goalpose.objects import load_shape
-from goalpose.paper_solver import PaperConfig
-from goalpose.progress import Cancelled
-from goalpose.synthesis import GoalPoseRequest, RequestError, Synthesizer, SynthesizerSettings
+from roam_character.rotation import quat_from_yaw, quat_rotate
+from roam_goalpose.assessment.diagnostics import warn
+from roam_goalpose.objects import load_shape
+from roam_goalpose.solvers.paper import PaperConfig
+from roam_goalpose.solvers.progress import Cancelled
+from roam_goalpose.synthesis import GoalPoseRequest, RequestError, Synthesizer, SynthesizerSettings
 from solving import LandmarkField, pair
 
 

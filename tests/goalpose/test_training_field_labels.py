@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from goalpose.furniture import generate
-from goalpose.training.examples import from_mesh, is_held_out
-from goalpose.training.labels import label_mesh
+from roam_goalpose.furniture import generate
+from roam_goalpose.training.examples import from_mesh, is_held_out
+from roam_goalpose.training.labels import label_mesh
 
 
 def test_closed_box() -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from goalpose.field import Field, FieldConfig
-from goalpose.furniture import generate
-from goalpose.training.batches import Source, draw
-from goalpose.training.evaluate_field import by_category, main, occupancy_ious, score_store
-from goalpose.training.field import Run, TrainingConfig, parse, read_config
-from goalpose.training.publish import card_section, publish, replace_section
-from goalpose.training.store import Store, open_or_write, procedural_examples
+from roam_goalpose.field import Field, FieldConfig
+from roam_goalpose.furniture import generate
+from roam_goalpose.training.batches import Source, draw
+from roam_goalpose.training.evaluate_field import by_category, main, occupancy_ious, score_store
+from roam_goalpose.training.field import Run, TrainingConfig, parse, read_config
+from roam_goalpose.training.publish import card_section, publish, replace_section
+from roam_goalpose.training.store import Store, open_or_write, procedural_examples
 
 SMALL = FieldConfig(anchors=32, channels=8, scalars=8, shared=4, frame=8, hidden=16, encoder_blocks=1, decoder_blocks=1)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from goalpose.furniture import generate
-from goalpose.training.examples import from_furniture
-from goalpose.training.scans import CHANGES, above_underside, scan, seen_but_from
+from roam_goalpose.furniture import generate
+from roam_goalpose.training.examples import from_furniture
+from roam_goalpose.training.scans import CHANGES, above_underside, scan, seen_but_from
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,10 @@
 """A motion server on free ports, run by the stand-in animator of `walker`."""
 
 import pytest
-from motion.app import MotionService
-from motion.settings import MotionSettings
-from motion.step import Animator
-from serving.server import running
+from roam_motion.animator import Animator
+from roam_motion.app import MotionService
+from roam_motion.settings import MotionSettings
+from roam_serving.server import running
 from walker import Walker
 
 

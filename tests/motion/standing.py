@@ -2,15 +2,15 @@
 
 import numpy as np
 import torch
-from character.pose import Pose, rest_pose
-from character.rotation import quat_from_rotvec, quat_to_matrix
-from character.skeleton import humanoid_skeleton
-from motion.controller import Body, Command, Control, control
-from motion.features import Goals, network_config
-from motion.figure import humanoid_figure
-from motion.intent import Intent
-from motion.network import MotionNetwork, Normaliser
-from motion.step import Animator
+from roam_character.pose import Pose, rest_pose
+from roam_character.rotation import quat_from_rotvec, quat_to_matrix
+from roam_character.skeleton import humanoid_skeleton
+from roam_motion.animation.features import Goals, network_config
+from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animator import Animator
+from roam_motion.control.controller import Body, Command, Control, control
+from roam_motion.control.intent import Intent
+from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
 
 
 def random_animator(seed: int = 0) -> Animator:

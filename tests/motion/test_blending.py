@@ -1,7 +1,7 @@
 import pytest
 import torch
-from motion.blending import blend_weights, distance_weight, limit_turns
-from motion.figure import humanoid_figure
+from roam_motion.animation.blending import blend_weights, distance_weight, limit_turns
+from roam_motion.animation.figure import humanoid_figure
 
 
 @pytest.mark.parametrize(("distance", "weight"), [(0.0, 0.993), (0.25, 0.5), (0.5, 0.007)])

@@ -1,4 +1,4 @@
-from motion.build import build_name
+from roam_motion.session.build import build_name
 
 
 def test_another_network_or_another_code_makes_another_build(tmp_path):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import torch
-from character.volume import STEP, Volume
-from motion.clearance import furniture_of, goal_depths, keep_clear, limbs_of, near
-from motion.figure import humanoid_figure
-from motion.intent import Goal, Idle
-from motion.seat import goal_arrays
-from motion.step import CharacterState
+from roam_character.volume import STEP, Volume
+from roam_motion.animation.collision import furniture_of, goal_depths, keep_clear, limbs_of, near
+from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animator import CharacterState
+from roam_motion.control.intent import Goal, Idle
+from roam_motion.control.seat import goal_arrays
 from standing import random_animator, seated_pose
 from test_step import played
 

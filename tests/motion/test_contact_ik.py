@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 import torch
-from motion.contact_ik import plant
-from motion.state import Characters
+from roam_motion.animation.foot_contacts import plant
+from roam_motion.animation.state import Characters
 from standing import random_animator
 
 

@@ -1,11 +1,11 @@
 import math
 
 import numpy as np
-from motion.controller import FREE, INTERACT, RISE, Body, Control
-from motion.figure import humanoid_figure
-from motion.planner import Plan
-from motion.seat import seat_of
-from motion.step import Goal, Idle, Steer
+from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animator import Goal, Idle, Steer
+from roam_motion.control.controller import FREE, INTERACT, RISE, Body, Control
+from roam_motion.control.planner import Plan
+from roam_motion.control.seat import seat_of
 from standing import controlled, seated_pose
 
 FIGURE = humanoid_figure()

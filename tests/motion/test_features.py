@@ -1,7 +1,15 @@
 import torch
-from motion.features import Targets, decode, encode, encode_targets, goal_orientations, network_config, world_axes
-from motion.figure import orthonormal
-from motion.state import Characters
+from roam_motion.animation.features import (
+    Targets,
+    decode,
+    encode,
+    encode_targets,
+    goal_orientations,
+    network_config,
+    world_axes,
+)
+from roam_motion.animation.figure import orthonormal
+from roam_motion.animation.state import Characters
 from standing import goals_at, random_animator, seated_pose
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import torch
-from character.kinematics import facing, forward_kinematics
-from character.rotation import quat_from_matrix, quat_from_rotvec, quat_to_matrix
-from motion.figure import Frame, humanoid_figure, orthonormal, quaternions, six, turn_about
+from roam_character.kinematics import facing, forward_kinematics
+from roam_character.rotation import quat_from_matrix, quat_from_rotvec, quat_to_matrix
+from roam_motion.animation.figure import Frame, humanoid_figure, orthonormal, quaternions, six, turn_about
 
 
 def random_pose(seed=0):

@@ -3,9 +3,9 @@
 import grpc
 import httpx
 import pytest
-from motion.settings import MotionSettings
 from roam.v1 import motion_pb2, motion_pb2_grpc
-from serving.server import running
+from roam_motion.settings import MotionSettings
+from roam_serving.server import running
 
 OFFERED = "0b7c5a52-6f5e-4a55-9a5b-3f0d5f6b0c01"
 

@@ -3,19 +3,19 @@ from dataclasses import fields
 import numpy as np
 import pytest
 import torch
-from motion.advance import advance
-from motion.blending import WHOLE
-from motion.controller import Command, goals_of
-from motion.features import Goals, network_config
-from motion.graphs import Graphs
-from motion.living import alive, stillness
-from motion.network import MotionNetwork, Normaliser
-from motion.prediction import Prediction
-from motion.rows import join, split_array, split_tensor
-from motion.seat import seat_of
-from motion.state import Characters
-from motion.step import Goal
-from motion.swing import swinging, walking
+from roam_motion.animation.advance import advance
+from roam_motion.animation.blending import WHOLE
+from roam_motion.animation.features import Goals, network_config
+from roam_motion.animation.living import alive, stillness
+from roam_motion.animation.rows import join, split_array, split_tensor
+from roam_motion.animation.state import Characters
+from roam_motion.animation.swing import swinging, walking
+from roam_motion.animator import Goal
+from roam_motion.control.controller import Command, goals_of
+from roam_motion.control.seat import seat_of
+from roam_motion.graphs import Graphs
+from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
+from roam_motion.models.lnsm.prediction import Prediction
 from standing import random_animator, seated_pose
 
 

@@ -3,7 +3,7 @@
 import pickle
 
 import pytest
-from motion.holdings import Copies, Owned
+from roam_motion.session.shared_values import Copies, Owned
 
 
 class Thing:

@@ -6,13 +6,13 @@ import itertools
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from motion.application import MotionApplication
-from motion.ownership import Ownership
-from motion.sessions import FrameRecord
-from motion.settings import MotionSettings
-from motion.store_memory import MemoryStore
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
+from roam_motion.session.application import MotionApplication
+from roam_motion.session.ownership import Ownership
+from roam_motion.session.session import FrameRecord
+from roam_motion.session.store.memory import MemoryStore
+from roam_motion.settings import MotionSettings
 from walker import Place, Walker
 
 LEASE = 1000.0

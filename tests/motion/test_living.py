@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 import torch
-from character.rotation import quat_to_matrix
-from motion.figure import humanoid_figure
-from motion.living import alive
+from roam_character.rotation import quat_to_matrix
+from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animation.living import alive
 from standing import seated_pose
 
 FIGURE = humanoid_figure()

@@ -11,9 +11,9 @@ import pytest
 import websockets
 from google.rpc import error_details_pb2
 from grpc_status import rpc_status
-from motion.settings import MotionSettings
 from roam.v1 import motion_pb2, motion_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
-from serving.server import Server
+from roam_motion.settings import MotionSettings
+from roam_serving.server import Server
 
 BURST = motion_pb2.PACING_BURST
 

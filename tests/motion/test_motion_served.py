@@ -5,13 +5,13 @@ import asyncio
 import grpc
 import numpy as np
 import pytest
-from character.kinematics import forward_kinematics
-from character.skeleton import humanoid_skeleton
-from goalpose.references import load_reference
-from motion.app import SHIPPED_WEIGHTS, MotionService
-from motion.settings import MotionSettings
 from roam.v1 import motion_pb2, motion_pb2_grpc, skeleton_pb2
-from serving.server import running
+from roam_character.kinematics import forward_kinematics
+from roam_character.skeleton import humanoid_skeleton
+from roam_goalpose.references.pairs import load_reference
+from roam_motion.app import SHIPPED_WEIGHTS, MotionService
+from roam_motion.settings import MotionSettings
+from roam_serving.server import running
 
 REFERENCE = SHIPPED_WEIGHTS.parents[1] / "examples" / "references" / "chair_sit.json"
 

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from character.skeleton import humanoid_skeleton
-from character.wire import pack_float32
-from motion.messages import control_change
-from motion.schemas import ControlJson
 from roam.v1 import motion_pb2, skeleton_pb2
-from serving.errors import ServiceError
+from roam_character.skeleton import humanoid_skeleton
+from roam_character.wire import pack_float32
+from roam_motion.api.messages import control_change
+from roam_motion.api.schemas import ControlJson
+from roam_serving.errors import ServiceError
 from standing import seated_pose
 
 SESSION = SimpleNamespace(skeleton=humanoid_skeleton(), floor_height=0.0)

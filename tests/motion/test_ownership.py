@@ -4,16 +4,16 @@ import asyncio
 from itertools import pairwise
 
 import pytest
-from motion.application import MotionApplication
-from motion.errors import SESSION_ELSEWHERE, STORE_DOWN
-from motion.sessions import FrameRecord
-from motion.settings import MotionSettings
-from motion.store import StoreDownError
-from motion.store_memory import MemoryStore
-from motion.stream import StreamStart
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
-from serving.errors import ServiceError
+from roam_motion.errors import SESSION_ELSEWHERE, STORE_DOWN
+from roam_motion.session.application import MotionApplication
+from roam_motion.session.session import FrameRecord
+from roam_motion.session.store.base import StoreDownError
+from roam_motion.session.store.memory import MemoryStore
+from roam_motion.session.stream import StreamStart
+from roam_motion.settings import MotionSettings
+from roam_serving.errors import ServiceError
 from walker import Place, Walker
 
 BURST = motion_pb2.PACING_BURST

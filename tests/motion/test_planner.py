@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from motion.planner import Plan, Steering, Target, advance_plan, follow, plan_keys
+from roam_motion.control.planner import Plan, Steering, Target, advance_plan, follow, plan_keys
 
 
 def walk(plan, aim, seconds):

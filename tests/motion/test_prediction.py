@@ -1,7 +1,7 @@
 import torch
-from motion.features import Inputs, network_config
-from motion.network import MotionNetwork, Normaliser
-from motion.prediction import Prediction
+from roam_motion.animation.features import Inputs, network_config
+from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
+from roam_motion.models.lnsm.prediction import Prediction
 
 
 def test_a_prediction_is_the_trained_network_between_the_normalisers():

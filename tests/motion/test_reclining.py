@@ -5,17 +5,17 @@ from functools import cache
 import numpy as np
 import pytest
 import torch
-from character.pose import Pose, rest_pose
-from character.rotation import quat_from_rotvec
-from character.skeleton import humanoid_skeleton
-from motion.clearance import furniture_of
-from motion.controller import INTERACT, RISE, Body, Control
-from motion.figure import humanoid_figure
-from motion.intent import Goal, Idle
-from motion.planner import Plan
-from motion.reclining import reclining_of
-from motion.seat import seat_of
-from motion.step import Animator, CharacterState
+from roam_character.pose import Pose, rest_pose
+from roam_character.rotation import quat_from_rotvec
+from roam_character.skeleton import humanoid_skeleton
+from roam_motion.animation.collision import furniture_of
+from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animator import Animator, CharacterState
+from roam_motion.control.controller import INTERACT, RISE, Body, Control
+from roam_motion.control.intent import Goal, Idle
+from roam_motion.control.planner import Plan
+from roam_motion.control.reclining import reclining_of
+from roam_motion.control.seat import seat_of
 from standing import controlled
 from test_clearance import box
 from test_step import WEIGHTS, played

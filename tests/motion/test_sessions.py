@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from motion.application import MotionApplication
-from motion.errors import SESSION_NOT_FOUND, SESSION_QUOTA
-from motion.goal_watch import GoalWatch
-from motion.settings import MotionSettings
-from motion.step import Idle, Steer
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
-from serving.errors import ServiceError
+from roam_motion.animator import Idle, Steer
+from roam_motion.errors import SESSION_NOT_FOUND, SESSION_QUOTA
+from roam_motion.session.application import MotionApplication
+from roam_motion.session.arrival import GoalWatch
+from roam_motion.settings import MotionSettings
+from roam_serving.errors import ServiceError
 from walker import Place, Walker
 
 

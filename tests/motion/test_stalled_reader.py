@@ -5,9 +5,9 @@ import time
 
 import grpc
 import pytest
-from motion.settings import MotionSettings
 from roam.v1 import motion_pb2, motion_pb2_grpc
 from roam_client import Client, EventType, Frame
+from roam_motion.settings import MotionSettings
 
 STALL = 1.5  # [s], 45 frames
 WINDOW = MotionSettings().ack_window

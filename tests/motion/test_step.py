@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion.step import Animator, CharacterState, Goal, Idle, Steer
+from roam_motion.animator import Animator, CharacterState, Goal, Idle, Steer
 from standing import random_animator, seated_pose
 
 WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"

@@ -6,9 +6,9 @@ import signal
 
 import numpy as np
 import pytest
-from motion.step import CharacterState, Goal, Idle, Steer
-from motion.step_process import StepProcess, _Caller, _Stepper
-from motion.stepping import frames_of
+from roam_motion.animator import CharacterState, Goal, Idle, Steer
+from roam_motion.session.step_process import StepProcess, _Caller, _Stepper
+from roam_motion.session.stepping import frames_of
 from standing import random_animator, seated_pose
 
 

@@ -7,7 +7,7 @@ import time
 
 import fakeredis
 import pytest
-from motion.store import (
+from roam_motion.session.store.base import (
     ControlEntry,
     HeldElsewhereError,
     MissingError,
@@ -16,8 +16,8 @@ from motion.store import (
     StoreDownError,
     SupersededError,
 )
-from motion.store_memory import MemoryStore
-from motion.store_redis import RedisStore
+from roam_motion.session.store.memory import MemoryStore
+from roam_motion.session.store.redis import RedisStore
 
 RECORD = SessionRecord("sessions/1", "token", "request", "sha256:s", 1000.5, 60.0, 0.25)
 ONE, TWO = "replica-1", "replica-2"

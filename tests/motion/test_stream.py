@@ -3,14 +3,14 @@
 import asyncio
 
 import pytest
-from motion.application import MotionApplication
-from motion.errors import SEQUENCE_AHEAD
-from motion.sessions import FrameRecord
-from motion.settings import MotionSettings
-from motion.stream import StreamStart
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
-from serving.errors import ServiceError
+from roam_motion.errors import SEQUENCE_AHEAD
+from roam_motion.session.application import MotionApplication
+from roam_motion.session.session import FrameRecord
+from roam_motion.session.stream import StreamStart
+from roam_motion.settings import MotionSettings
+from roam_serving.errors import ServiceError
 from walker import Place, Walker
 
 REALTIME, CREDIT, BURST = motion_pb2.PACING_REALTIME, motion_pb2.PACING_CREDIT, motion_pb2.PACING_BURST

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motion.sessions import FrameRecord, Session
-from motion.step import Idle
-from motion.store import SessionRecord
-from motion.stream import FrameStream, StreamOptions, StreamStart
 from roam.v1 import motion_pb2
+from roam_motion.animator import Idle
+from roam_motion.session.session import FrameRecord, Session
+from roam_motion.session.store.base import SessionRecord
+from roam_motion.session.stream import FrameStream, StreamOptions, StreamStart
 from walker import Walker
 
 WALKER = Walker()

@@ -1,8 +1,8 @@
 """Arms of those who walk swing farther, and nobody else's."""
 
 import torch
-from motion.state import Characters
-from motion.swing import swinging, walking
+from roam_motion.animation.state import Characters
+from roam_motion.animation.swing import swinging, walking
 from standing import random_animator
 
 

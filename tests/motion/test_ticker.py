@@ -5,12 +5,12 @@ import threading
 
 import numpy as np
 import pytest
-from motion.application import MotionApplication
-from motion.sessions import FrameRecord
-from motion.settings import MotionSettings
-from motion.ticker import Pace
 from prometheus_client import CollectorRegistry
 from roam.v1 import motion_pb2, skeleton_pb2
+from roam_motion.session.application import MotionApplication
+from roam_motion.session.session import FrameRecord
+from roam_motion.session.ticker import Pace
+from roam_motion.settings import MotionSettings
 from walker import Place, Walker
 
 

@@ -3,20 +3,20 @@ import json
 import numpy as np
 import pytest
 import torch
-from character.clip import Clip
-from character.formats.bvh import write_bvh
-from character.pose import rest_pose
-from character.rotation import quat_slerp
-from character.skeleton import humanoid_skeleton
-from motion.features import encode_targets
-from motion.figure import humanoid_figure
-from motion.training import labels, motion
-from motion.training.dataset import build
-from motion.training.episodes import interaction, locomotion
-from motion.training.expert import returning
-from motion.training.goals import Bank, Key, ankles, sitting_goal
-from motion.training.library import LibraryConfig, load_library
-from motion.training.recordings import Recording, Span, read_folder
+from roam_character.clip import Clip
+from roam_character.formats.bvh import write_bvh
+from roam_character.pose import rest_pose
+from roam_character.rotation import quat_slerp
+from roam_character.skeleton import humanoid_skeleton
+from roam_motion.animation.features import encode_targets
+from roam_motion.animation.figure import humanoid_figure
+from roam_motion.training import labels, motion
+from roam_motion.training.dataset import build
+from roam_motion.training.episodes import interaction, locomotion
+from roam_motion.training.expert import returning
+from roam_motion.training.goals import Bank, Key, ankles, sitting_goal
+from roam_motion.training.library import LibraryConfig, load_library
+from roam_motion.training.recordings import Recording, Span, read_folder
 from standing import seated_pose
 
 FIGURE = humanoid_figure()
@@ -116,8 +116,8 @@ def test_the_expert_asks_for_the_data_when_on_the_track_and_returns_to_it_when_o
 
 
 def test_training_runs_stops_and_resumes(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("motion.training.validation._CHARACTERS", 2)
-    monkeypatch.setattr("motion.training.validation._FRAMES", 4)
+    monkeypatch.setattr("roam_motion.training.validation._CHARACTERS", 2)
+    monkeypatch.setattr("roam_motion.training.validation._FRAMES", 4)
     common = ["--bvh", str(folder), "--out", str(tmp_path / "run"), "--cache", str(tmp_path / "cache")]
     small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]
     assert motion.main([*common, *small, "--minutes", "0.02", "--export", str(tmp_path / "w.safetensors")]) == 0

@@ -2,11 +2,11 @@
 
 import pytest
 import torch
-from motion.features import Inputs, encode, network_config
-from motion.figure import humanoid_figure
-from motion.state import Characters, phase_vector
-from motion.training.loop import TrainingConfig, column_weights, make_learner
-from motion.training.parts import WHOLE, Parts, columns
+from roam_motion.animation.features import Inputs, encode, network_config
+from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animation.state import Characters, phase_vector
+from roam_motion.training.loop import TrainingConfig, column_weights, make_learner
+from roam_motion.training.parts import WHOLE, Parts, columns
 from standing import goals_at, random_animator, seated_pose
 
 FIGURE = humanoid_figure()

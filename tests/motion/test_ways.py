@@ -2,7 +2,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from motion.ways import edge, way
+from roam_motion.control.paths import edge, way
 from shapely.geometry import LineString, Polygon
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import orjson
-from character.kinematics import forward_kinematics
-from character.skeleton import humanoid_skeleton
-from character.wire import snorm16
-from motion.step import FrameData, Goal, Idle, Steer
+from roam_character.kinematics import forward_kinematics
+from roam_character.skeleton import humanoid_skeleton
+from roam_character.wire import snorm16
+from roam_motion.animator import FrameData, Goal, Idle, Steer
 
 SPEED = 0.05  # [m] per frame towards a goal
 

@@ -5,8 +5,8 @@ import asyncio
 import grpc
 from fastapi import APIRouter, Request, WebSocket
 from pydantic import BaseModel
-from serving.closings import closing
-from serving.errors import COMMON, ServiceError, by_reason
+from roam_serving.closings import closing
+from roam_serving.errors import COMMON, ServiceError, by_reason
 
 KINDS = by_reason(COMMON)
 

@@ -13,11 +13,11 @@ from google.rpc import error_details_pb2
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 from grpc_status import rpc_status
 from roam.v1 import server_pb2, server_pb2_grpc
-from serving.errors import RATE_LIMITED, ServiceError
-from serving.keys import KeyRing, add_key, key_hash
-from serving.rates import RateLimiter
-from serving.server import running
-from serving.settings import ServerSettings, SettingsError
+from roam_serving.errors import RATE_LIMITED, ServiceError
+from roam_serving.keys import KeyRing, add_key, key_hash
+from roam_serving.rates import RateLimiter
+from roam_serving.server import running
+from roam_serving.settings import ServerSettings, SettingsError
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
@@ -148,7 +148,7 @@ def test_a_bucket_fills_again():
 
 
 def test_the_file_keeps_hashes_only(key_file):
-    command = [sys.executable, "-m", "serving.keys", "game-1", "--file", str(key_file)]
+    command = [sys.executable, "-m", "roam_serving.keys", "game-1", "--file", str(key_file)]
     key = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.strip()
     text = key_file.read_text()
     assert text == f"game-1 {key_hash(key)}\n"
@@ -169,7 +169,8 @@ def test_a_file_that_is_not_one_stops_the_start(key_file, text, words):
 def test_a_server_that_cannot_read_its_keys_ends_with_a_sentence(tmp_path):
     program = (
         f"import sys; sys.path.insert(0, {json.dumps(str(next(p for p in sys.path if p.endswith('serving'))))}); "
-        "from echo import Echo; from serving.server import serve; from serving.settings import ServerSettings; "
+        "from echo import Echo; from roam_serving.server import serve; "
+        "from roam_serving.settings import ServerSettings; "
         f"serve([Echo()], ServerSettings(api_keys={json.dumps(str(tmp_path / 'none'))}))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60)

@@ -5,9 +5,9 @@ import threading
 
 import pytest
 from prometheus_client import CollectorRegistry
-from serving.cache import RecentCache
-from serving.compute import ComputeQueue
-from serving.errors import QUEUE_FULL, ServiceError
+from roam_serving.cache import RecentCache
+from roam_serving.compute import ComputeQueue
+from roam_serving.errors import QUEUE_FULL, ServiceError
 
 
 async def test_refuses_beyond_its_limit_and_recovers():

@@ -6,9 +6,9 @@ import pytest
 from echo import KINDS, Echo
 from google.rpc import error_details_pb2
 from grpc_status import rpc_status
-from serving.errors import COMMON, ErrorKind, by_reason, table_markdown
-from serving.server import running
-from serving.settings import ServerSettings
+from roam_serving.errors import COMMON, ErrorKind, by_reason, table_markdown
+from roam_serving.server import running
+from roam_serving.settings import ServerSettings
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 

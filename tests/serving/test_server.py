@@ -13,8 +13,8 @@ from echo import Echo
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha import reflection_pb2, reflection_pb2_grpc
 from roam.v1 import server_pb2, server_pb2_grpc
-from serving.server import Server, running
-from serving.settings import ServerSettings
+from roam_serving.server import Server, running
+from roam_serving.settings import ServerSettings
 
 SERVING = health_pb2.HealthCheckResponse.SERVING
 
@@ -132,8 +132,8 @@ async def test_running_requests_finish_before_the_server_closes():
 async def test_sigterm_ends_the_process_with_code_0(tmp_path):
     program = (
         "from echo import Echo\n"
-        "from serving.server import serve\n"
-        "from serving.settings import ServerSettings\n"
+        "from roam_serving.server import serve\n"
+        "from roam_serving.settings import ServerSettings\n"
         "serve([Echo()], ServerSettings())\n"
     )
     paths = [str(Path(__file__).parent), *(p for p in sys.path if p)]

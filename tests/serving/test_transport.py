@@ -10,10 +10,10 @@ import trustme
 from echo import Echo
 from roam.v1 import server_pb2, server_pb2_grpc
 from roam_client import AccessDeniedError, AsyncClient, Client, ConnectionFailedError
-from serving.keys import add_key
-from serving.server import running
-from serving.settings import ServerSettings, SettingsError
-from serving.transport import is_loopback, transport_security
+from roam_serving.keys import add_key
+from roam_serving.server import running
+from roam_serving.settings import ServerSettings, SettingsError
+from roam_serving.transport import is_loopback, transport_security
 
 
 class Certificates:

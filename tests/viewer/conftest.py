@@ -19,12 +19,12 @@ def demo() -> Iterator[str]:
     """Address of the page, with both services behind it."""
     if not WEIGHTS.exists():
         pytest.skip("needs the motion weights: weights/motion.safetensors")
-    from goalpose.app import GoalPoseService
-    from goalpose.settings import GoalPoseSettings
-    from motion.app import MotionService
-    from motion.settings import MotionSettings
     from roam_command.embedded import running_in_thread
     from roam_command.page import PageService, Upload
+    from roam_goalpose.app import GoalPoseService
+    from roam_goalpose.settings import GoalPoseSettings
+    from roam_motion.app import MotionService
+    from roam_motion.settings import MotionSettings
     from stub_poses import KnownAnswer
 
     settings = GoalPoseSettings()
@@ -34,7 +34,7 @@ def demo() -> Iterator[str]:
         PageService(Upload(CHAIR)),
     ]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("goalpose.app.Synthesizer", KnownAnswer)
+        patch.setattr("roam_goalpose.app.Synthesizer", KnownAnswer)
         with running_in_thread(services, settings) as addresses:
             yield addresses.http
 

@@ -4,9 +4,9 @@ import time
 from pathlib import Path
 
 import numpy as np
-from goalpose.progress import Progress
-from goalpose.references import load_reference
-from goalpose.synthesis import GoalPoseResult, RankedPose
+from roam_goalpose.references.pairs import load_reference
+from roam_goalpose.solvers.progress import Progress
+from roam_goalpose.synthesis import GoalPoseResult, RankedPose
 
 REFERENCE = Path(__file__).parents[2] / "examples/references/chair_sit.json"
 

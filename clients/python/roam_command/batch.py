@@ -79,9 +79,9 @@ def furniture_files(folder: Path, output: Path) -> list[Path]:
 def _skeleton() -> Skeleton:
     """The figure of the reference poses. UsageError when the services are not installed."""
     try:
-        from character.body import body_capsules
-        from character.skeleton import humanoid_skeleton
-        from serving.skeletons import skeleton_message
+        from roam_character.body import body_capsules
+        from roam_character.skeleton import humanoid_skeleton
+        from roam_serving.skeletons import skeleton_message
     except ModuleNotFoundError as error:
         raise UsageError(
             f"`roam batch` computes in this process, and {error.name} is not installed",

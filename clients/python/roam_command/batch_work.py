@@ -6,8 +6,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from goalpose.objects.isolation import IsolatedLoader
-    from goalpose.synthesis import Synthesizer
+    from roam_goalpose.objects.isolation import IsolatedLoader
+    from roam_goalpose.synthesis import Synthesizer
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Outcome:
 
 def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
     """Reads the file in a child process with limits, and fits the pose. Never raises for a bad object or request."""
-    from goalpose.messages import goal_pose_message, object_message
-    from goalpose.objects import ObjectError
-    from goalpose.synthesis import GoalPoseRequest, RequestError
+    from roam_goalpose.api.messages import goal_pose_message, object_message
+    from roam_goalpose.objects import ObjectError
+    from roam_goalpose.synthesis import GoalPoseRequest, RequestError
 
     request = GoalPoseRequest(reference=order.reference, action=order.action, seed=order.seed)
     try:
@@ -66,7 +66,7 @@ def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
 def _synthesizer() -> "Synthesizer":
     """The networks of this process."""
     import torch
-    from goalpose.synthesis import Synthesizer
+    from roam_goalpose.synthesis import Synthesizer
 
     torch.set_num_threads(1)  # the engine runs as many of these as there are cores
     return Synthesizer.load()
@@ -75,7 +75,7 @@ def _synthesizer() -> "Synthesizer":
 @cache
 def _loader() -> "IsolatedLoader":
     """The reader of this process."""
-    from goalpose.objects.isolation import IsolatedLoader
+    from roam_goalpose.objects.isolation import IsolatedLoader
 
     loader = IsolatedLoader()
     loader.warm()

@@ -12,9 +12,9 @@ from roam_client import RoamError
 from roam_command.reports import UsageError
 
 if TYPE_CHECKING:
-    from serving.server import Addresses
-    from serving.service import Service
-    from serving.settings import ServerSettings
+    from roam_serving.server import Addresses
+    from roam_serving.service import Service
+    from roam_serving.settings import ServerSettings
 
 
 def make_services(**addresses: Any) -> "tuple[list[Service], ServerSettings]":
@@ -23,10 +23,10 @@ def make_services(**addresses: Any) -> "tuple[list[Service], ServerSettings]":
     UsageError when the services are not installed.
     """
     try:
-        from goalpose.app import GoalPoseService
-        from goalpose.settings import GoalPoseSettings
-        from motion.app import MotionService
-        from motion.settings import MotionSettings
+        from roam_goalpose.app import GoalPoseService
+        from roam_goalpose.settings import GoalPoseSettings
+        from roam_motion.app import MotionService
+        from roam_motion.settings import MotionSettings
     except ModuleNotFoundError as error:
         raise UsageError(
             f"the services are not installed here ({error.name} is missing)",
@@ -54,7 +54,7 @@ def running_in_thread(services: "Sequence[Service]", settings: "ServerSettings")
 
 
 def _run(services: "Sequence[Service]", settings: "ServerSettings", started: "Future[Any]") -> None:
-    from serving.server import running
+    from roam_serving.server import running
 
     async def main() -> None:
         stop = asyncio.Event()

@@ -7,24 +7,24 @@ from roam_command.delegation import delegate
 
 def field(context: typer.Context) -> None:
     """Occupancy of the descriptor field on shapes it never saw (`--help` lists its options)."""
-    delegate("goalpose.training.evaluate_field", context.args, name="roam evaluate field")
+    delegate("roam_goalpose.training.evaluate_field", context.args, name="roam evaluate field")
 
 
 def goalpose(context: typer.Context) -> None:
     """Goal poses on a folder of furniture: success, penetration, speed (`--help` lists its options)."""
-    delegate("evaluation.goalpose", context.args, name="roam evaluate goalpose")
+    delegate("roam_evaluation.goalpose.success", context.args, name="roam evaluate goalpose")
 
 
 def motion(context: typer.Context) -> None:
     """Approaches to a folder of furniture: errors, jumps, foot skate, speed (`--help` lists its options)."""
-    delegate("evaluation.motion", context.args, name="roam evaluate motion")
+    delegate("roam_evaluation.motion.approaches", context.args, name="roam evaluate motion")
 
 
 def throughput(context: typer.Context) -> None:
     """Goal poses of requests that come at once, against one after another (`--help` lists its options)."""
-    delegate("evaluation.throughput", context.args, name="roam evaluate throughput")
+    delegate("roam_evaluation.service.throughput", context.args, name="roam evaluate throughput")
 
 
 def load(context: typer.Context) -> None:
     """How many characters a motion server carries, and how evenly their frames come (`--help` lists its options)."""
-    delegate("evaluation.load", context.args, name="roam evaluate load")
+    delegate("roam_evaluation.service.load", context.args, name="roam evaluate load")

@@ -10,7 +10,7 @@ from roam_client.objects import format_of
 from roam_command.reports import UsageError
 
 if TYPE_CHECKING:
-    from character.formats.glb import Mesh
+    from roam_character.formats.glb import Mesh
 
 POSE_ENDINGS = (".npz", ".json", ".glb")
 MOTION_ENDINGS = (".npz", ".json", ".glb", ".bvh")
@@ -21,7 +21,7 @@ def write_pose(path: Path, goal: GoalPose, *, source: Path, object: Object) -> N
     if path.suffix.lower() != ".glb":
         goal.save(path)
         return
-    glb, pose = _needed(path, "character.formats.glb"), _needed(path, "character.pose")
+    glb, pose = _needed(path, "roam_character.formats.glb"), _needed(path, "character.pose")
     skeleton = _skeleton(path, goal)
     content = pose.Pose(skeleton, goal.root_position, goal.rotations)
     glb.write_glb(path, content, mesh=read_mesh(source, object))
@@ -33,12 +33,12 @@ def write_motion(path: Path, motion: Motion, *, source: Path, object: Object) ->
     if ending not in (".glb", ".bvh"):
         motion.save(path)
         return
-    clip_module = _needed(path, "character.clip")
+    clip_module = _needed(path, "roam_character.clip")
     clip = clip_module.Clip(_skeleton(path, motion), motion.frame_rate, motion.root_positions, motion.rotations)
     if ending == ".bvh":
-        _needed(path, "character.formats.bvh").write_bvh(path, clip)
+        _needed(path, "roam_character.formats.bvh").write_bvh(path, clip)
     else:
-        _needed(path, "character.formats.glb").write_glb(path, clip, mesh=read_mesh(source, object))
+        _needed(path, "roam_character.formats.glb").write_glb(path, clip, mesh=read_mesh(source, object))
 
 
 def read_mesh(source: Path, object: Object) -> "Mesh | None":
@@ -48,8 +48,8 @@ def read_mesh(source: Path, object: Object) -> "Mesh | None":
 
 def world_mesh(data: bytes, format: str, object: Object) -> "Mesh | None":
     """The triangles of an uploaded file, brought to the world as the server did; None for a point cloud."""
-    from goalpose.objects.limits import Limits
-    from goalpose.objects.reading import read_geometry
+    from roam_goalpose.objects.limits import Limits
+    from roam_goalpose.objects.reading import read_geometry
 
     geometry = read_geometry(data, format, Limits())
     if geometry.faces is None:
@@ -59,7 +59,7 @@ def world_mesh(data: bytes, format: str, object: Object) -> "Mesh | None":
 
 
 def _skeleton(path: Path, content: GoalPose | Motion) -> Any:
-    module, skeleton = _needed(path, "character.skeleton"), content.skeleton
+    module, skeleton = _needed(path, "roam_character.skeleton"), content.skeleton
     tips = tuple(module.Tip(tip.name, tip.joint, tip.offset) for tip in skeleton.tips)
     return module.Skeleton(
         joint_names=skeleton.joint_names,
@@ -75,8 +75,8 @@ def check_exporters(paths: list[Path]) -> None:
     """UsageError now rather than after the work, when a file needs exporters that are not installed."""
     for path in paths:
         if path.suffix.lower() in (".glb", ".bvh"):
-            _needed(path, "character.formats.glb")
-            _needed(path, "goalpose.objects.reading")
+            _needed(path, "roam_character.formats.glb")
+            _needed(path, "roam_goalpose.objects.reading")
 
 
 def _needed(path: Path, module: str) -> Any:

@@ -12,8 +12,8 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from roam.v1 import skeleton_pb2
 from roam_client.objects import format_of
-from serving.metrics import Metrics
-from serving.readiness import Readiness
+from roam_serving.metrics import Metrics
+from roam_serving.readiness import Readiness
 from starlette.staticfiles import StaticFiles
 
 from roam_command.checkout import bundled_objects
@@ -119,8 +119,8 @@ def triangles(data: bytes, format: str) -> bytes:
 
     ValueError when the file cannot be read; a point cloud has no faces.
     """
-    from goalpose.objects.limits import Limits
-    from goalpose.objects.reading import read_geometry
+    from roam_goalpose.objects.limits import Limits
+    from roam_goalpose.objects.reading import read_geometry
 
     geometry = read_geometry(data, format, Limits())
     vertices = np.ascontiguousarray(geometry.vertices, "<f4")

@@ -29,12 +29,12 @@ def serve(
 ) -> None:
     """Run both services; prints `ready http=… grpc=…` when they are, logs to stderr.
 
-    Everything else is set by ROAM_… environment variables; `python -m goalpose.app --help` lists them.
+    Everything else is set by ROAM_… environment variables; `python -m roam_goalpose.app --help` lists them.
     """
     with reported(as_json=False):
         # A person reads the log at a terminal, a collector reads it anywhere else.
         format = {"log_format": "console"} if sys.stderr.isatty() else {}
         services, settings = make_services(host=host, http_port=http_port, grpc_port=grpc_port, **format)
-    from serving.server import serve as run
+    from roam_serving.server import serve as run
 
     run([service for service in services if only is None or service.name == only], settings)

@@ -7,9 +7,9 @@ from roam_command.delegation import delegate
 
 def field(context: typer.Context) -> None:
     """Train the descriptor field on procedural and real furniture (`--help` lists its options)."""
-    delegate("goalpose.training.field", context.args, name="roam train field")
+    delegate("roam_goalpose.training.field", context.args, name="roam train field")
 
 
 def motion(context: typer.Context) -> None:
     """Train the motion network on motion capture (`--help` lists its options)."""
-    delegate("motion.training.motion", context.args, name="roam train motion")
+    delegate("roam_motion.training.motion", context.args, name="roam train motion")

@@ -3,8 +3,8 @@
 import numpy as np
 import pygltflib
 import pytest
-from character.formats.glb import glb_bytes, write_glb
-from character.mesh import body_mesh, posed_mesh
+from roam_character.formats.glb import glb_bytes, write_glb
+from roam_character.mesh import body_mesh, posed_mesh
 
 
 def accessor(gltf, index):

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from character.formats.npz import read_motion, read_pose, write_npz
-from character.skeleton import load_skeleton
+from roam_character.formats.npz import read_motion, read_pose, write_npz
+from roam_character.skeleton import load_skeleton
 
 
 def test_pose_file(clip, tmp_path):

@@ -1,0 +1,203 @@
+"""Rotations: unit quaternions `xyzw`, the 6D form that networks use, rotation vectors that the optimiser uses, yaw.
+
+All functions broadcast over leading axes and take numpy arrays or torch tensors; in torch they are differentiable but
+at half turns.
+"""
+
+from typing import Any
+
+from roam_character.arrays import Array, like, namespace
+
+# Below this, a squared length counts as zero: keeps square roots differentiable at the identity.
+_TINY = 1e-16
+
+
+def _last(x: Any, i: int) -> Any:
+    return x[..., i : i + 1]
+
+
+def _length(v: Any) -> Any:
+    xp = namespace(v)
+    return xp.sqrt(xp.sum(v * v, axis=-1, keepdims=True) + _TINY)
+
+
+def vec_normalize(v: Array) -> Array:
+    """Unit vectors. `v` [..., N] -> [..., N]."""
+    return v / _length(v)
+
+
+def vec_cross(a: Array, b: Array) -> Array:
+    """Cross product. [..., 3] x [..., 3] -> [..., 3]."""
+    xp = namespace(a, b)
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return xp.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def quat_identity(array: Array, shape: tuple[int, ...] = ()) -> Array:
+    """Identity quaternions [*shape, 4] of the kind of `array`."""
+    xp = namespace(array)
+    one = like([0.0, 0.0, 0.0, 1.0], array)
+    return xp.broadcast_to(one, (*shape, 4)) + 0.0 * one
+
+
+def quat_normalize(q: Array) -> Array:
+    """Unit quaternions. [..., 4] -> [..., 4]."""
+    return vec_normalize(q)
+
+
+def quat_mul(a: Array, b: Array) -> Array:
+    """Hamilton product: first `b`, then `a`. [..., 4] x [..., 4] -> [..., 4]."""
+    xp = namespace(a, b)
+    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    return xp.stack(
+        [
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ],
+        axis=-1,
+    )
+
+
+def quat_inv(q: Array) -> Array:
+    """Inverse of unit quaternions. [..., 4] -> [..., 4]."""
+    return q * like([-1.0, -1.0, -1.0, 1.0], q)
+
+
+def quat_rotate(q: Array, v: Array) -> Array:
+    """Rotates vectors. `q` [..., 4], `v` [..., 3] -> [..., 3]."""
+    axis, w = q[..., :3], _last(q, 3)
+    t = 2.0 * vec_cross(*_broadcast(axis, v))
+    return v + w * t + vec_cross(*_broadcast(axis, t))
+
+
+def _broadcast(a: Any, b: Any) -> Any:
+    return namespace(a, b).broadcast_arrays(a, b)
+
+
+def quat_from_rotvec(v: Array) -> Array:
+    """Exponential map: rotation vectors [rad] [..., 3] -> [..., 4]."""
+    xp = namespace(v)
+    angle = _length(v)
+    return xp.concat([v * (xp.sin(angle / 2) / angle), xp.cos(angle / 2)], axis=-1)
+
+
+def quat_to_rotvec(q: Array) -> Array:
+    """Logarithm, the shorter way round: [..., 4] -> rotation vectors [rad] [..., 3], lengths in [0, pi]."""
+    xp = namespace(q)
+    q = xp.where(_last(q, 3) < 0, -q, q)
+    sine = _length(q[..., :3])
+    angle = 2 * xp.atan2(sine, _last(q, 3))
+    return q[..., :3] * (angle / sine)
+
+
+def quat_from_axes(x: Array, y: Array, z: Array) -> Array:
+    """Quaternions of the rotation matrix with these columns. Three [..., 3] -> [..., 4]."""
+    xp = namespace(x)
+    m00, m10, m20 = x[..., 0], x[..., 1], x[..., 2]
+    m01, m11, m21 = y[..., 0], y[..., 1], y[..., 2]
+    m02, m12, m22 = z[..., 0], z[..., 1], z[..., 2]
+    # Four exact formulas, each good where its own component is large; take the largest (Shepperd's method).
+    squares = [1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22]
+    rows = [
+        [squares[0], m01 + m10, m02 + m20, m21 - m12],
+        [m01 + m10, squares[1], m12 + m21, m02 - m20],
+        [m02 + m20, m12 + m21, squares[2], m10 - m01],
+        [m21 - m12, m02 - m20, m10 - m01, squares[3]],
+    ]
+    best, largest = xp.stack(rows[0], axis=-1), squares[0]
+    for row, square in zip(rows[1:], squares[1:], strict=True):
+        better = square > largest
+        best = xp.where(better[..., None], xp.stack(row, axis=-1), best)
+        largest = xp.where(better, square, largest)
+    return quat_normalize(best)
+
+
+def quat_from_matrix(m: Array) -> Array:
+    """Rotation matrices [..., 3, 3] -> [..., 4]."""
+    return quat_from_axes(m[..., 0], m[..., 1], m[..., 2])
+
+
+def quat_to_matrix(q: Array) -> Array:
+    """[..., 4] -> rotation matrices [..., 3, 3]."""
+    xp = namespace(q)
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    rows = [
+        xp.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=-1),
+        xp.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=-1),
+        xp.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=-1),
+    ]
+    return xp.stack(rows, axis=-2)
+
+
+def quat_from_6d(d: Array) -> Array:
+    """Forward axis (image of +Z) and up axis (image of +Y), orthonormalised. [..., 6] -> [..., 4]."""
+    z = vec_normalize(d[..., :3])
+    x = vec_normalize(vec_cross(d[..., 3:], z))
+    return quat_from_axes(x, vec_cross(z, x), z)
+
+
+def quat_to_6d(q: Array) -> Array:
+    """Forward axis then up axis: continuous, so networks can learn it. [..., 4] -> [..., 6]."""
+    m = quat_to_matrix(q)
+    return namespace(q).concat([m[..., 2], m[..., 1]], axis=-1)
+
+
+def quat_nlerp(a: Array, b: Array, t: Any) -> Array:
+    """Normalised linear interpolation, the shorter way round. `t` broadcasts to [..., 1]."""
+    xp = namespace(a, b)
+    dot = xp.sum(a * b, axis=-1, keepdims=True)
+    return quat_normalize(a * (1.0 - t) + xp.where(dot < 0, -b, b) * t)
+
+
+def quat_slerp(a: Array, b: Array, t: Any) -> Array:
+    """Spherical interpolation, the shorter way round. `t` broadcasts to [..., 1]."""
+    return quat_mul(quat_from_rotvec(quat_to_rotvec(quat_mul(b, quat_inv(a))) * t), a)
+
+
+def quat_between(u: Array, v: Array) -> Array:
+    """The smallest rotation that turns direction `u` into `v`, any normal if opposite. Two [..., 3] -> [..., 4]."""
+    xp = namespace(u, v)
+    u, v = vec_normalize(u), vec_normalize(v)
+    cosine = xp.sum(u * v, axis=-1, keepdims=True)
+    normal = vec_cross(*_broadcast(u, v))
+    # Half turn: any axis square to u will do; take the one from the coordinate axis least aligned with u.
+    least = xp.where(xp.abs(_last(u, 0)) < 0.7, like([1.0, 0.0, 0.0], u), like([0.0, 1.0, 0.0], u))
+    aside = vec_normalize(vec_cross(*_broadcast(u, least)))
+    opposite = cosine < -1 + 1e-6
+    axis = xp.where(opposite, aside, normal)
+    return quat_normalize(xp.concat([axis, xp.where(opposite, 0.0 * cosine, 1 + cosine)], axis=-1))
+
+
+def quat_from_yaw(yaw: Array) -> Array:
+    """Turn about +Y [rad]; yaw 0 faces +Z. [...] -> [..., 4]."""
+    xp = namespace(yaw)
+    zero = 0.0 * yaw
+    return xp.stack([zero, xp.sin(yaw / 2), zero, xp.cos(yaw / 2)], axis=-1)
+
+
+def quat_yaw(q: Array) -> Array:
+    """Yaw of the rotated +Z axis [rad]. [..., 4] -> [...]."""
+    xp = namespace(q)
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    return xp.atan2(2 * (x * z + y * w), 1 - 2 * (x * x + y * y))
+
+
+def yaw_direction(yaw: Array) -> Array:
+    """Unit vectors on the floor that a yaw faces: (sin, 0, cos). [...] -> [..., 3]."""
+    xp = namespace(yaw)
+    return xp.stack([xp.sin(yaw), 0.0 * yaw, xp.cos(yaw)], axis=-1)
+
+
+def angle_wrap(angle: Array) -> Array:
+    """The same angle in (-pi, pi] [rad]."""
+    xp = namespace(angle)
+    return xp.atan2(xp.sin(angle), xp.cos(angle))
+
+
+def quat_angle(a: Array, b: Array) -> Array:
+    """Angle between two rotations [rad]. [..., 4] x [..., 4] -> [...]."""
+    return _length(quat_to_rotvec(quat_mul(a, quat_inv(b))))[..., 0]

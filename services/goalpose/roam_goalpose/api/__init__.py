@@ -1,0 +1,1 @@
+"""The wire: HTTP, gRPC, and the mapping between messages and domain types."""

@@ -1,0 +1,243 @@
+"""The goal pose service over HTTP: a thin translation of GoalPoseApplication."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing
+from email.message import Message
+from pathlib import PurePath
+from typing import Annotated, Any
+
+import orjson
+from fastapi import APIRouter, Header, Query, Request, Response
+from pydantic import BaseModel
+from roam_serving.errors import CANCELLED, INTERNAL, INVALID_ARGUMENT, ServiceError
+from roam_serving.logs import get_log
+from roam_serving.problems import problem
+from sse_starlette import EventSourceResponse
+from starlette.datastructures import UploadFile
+
+from roam_goalpose.api.messages import progress_message
+from roam_goalpose.api.request_schemas import CreateReferencePoseJson, SynthesizeJson
+from roam_goalpose.api.schemas import (
+    GoalPoseJson,
+    JobJson,
+    ObjectJson,
+    ProgressJson,
+    ReferencePoseJson,
+    ReferencePosesJson,
+)
+from roam_goalpose.api.wanted import Wanted
+from roam_goalpose.errors import from_object_error
+from roam_goalpose.objects import FORMATS, ObjectError, format_of
+from roam_goalpose.objects.formats import sniff
+from roam_goalpose.service.application import Answer, GoalPoseApplication
+from roam_goalpose.service.jobs import Job, Jobs, JobState
+
+log = get_log("roam_goalpose.api.http")
+
+_MEDIA_TYPES = {
+    "model/gltf-binary": "glb",
+    "model/gltf+json": "gltf",
+    "model/obj": "obj",
+    "model/stl": "stl",
+    "model/ply": "ply",
+}
+_BINARY = {"schema": {"type": "string", "format": "binary"}}
+_UPLOAD_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            **dict.fromkeys((*_MEDIA_TYPES, "application/octet-stream"), _BINARY),
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {
+                        "file": {"type": "string", "format": "binary"},
+                        "format": {"type": "string"},
+                        "unit": {"type": "string"},
+                        "up": {"type": "string"},
+                    },
+                }
+            },
+        },
+    }
+}
+
+
+class Upload(BaseModel):
+    """A file and what was said about it."""
+
+    data: bytes
+    format: str = ""
+    unit: str = ""
+    up: str = ""
+    file_name: str = ""
+
+    def chosen_format(self, media_type: str) -> str:
+        """The format given, else by file name, media type or first bytes; a ServiceError when none of them says."""
+        if self.format:
+            return self.format
+        if media_type in _MEDIA_TYPES:
+            return _MEDIA_TYPES[media_type]
+        if PurePath(self.file_name).suffix:
+            try:
+                return format_of(self.file_name)
+            except ObjectError as error:
+                raise from_object_error(error) from error
+        if found := sniff(self.data):
+            return found
+        detail = f"format is missing: add ?format=, one of {', '.join(FORMATS)}"
+        raise ServiceError(INVALID_ARGUMENT, detail, field="format")
+
+
+def goalpose_router(application: Callable[[], GoalPoseApplication], jobs: Callable[[], Jobs]) -> APIRouter:
+    """The routes under /v1; `application` and `jobs` are called per request."""
+    router = APIRouter(prefix="/v1", tags=["goalpose"])
+
+    @router.post("/objects", status_code=201, summary="Upload an object file", openapi_extra=_UPLOAD_BODY)
+    async def upload_object(
+        request: Request,
+        format: Annotated[str, Query(description=f"one of {', '.join(FORMATS)}; else by name or type")] = "",
+        unit: Annotated[str, Query(description="m, cm, mm, in or ft; empty: detect")] = "",
+        up: Annotated[str, Query(description="x, y, z, -x, -y or -z; empty: detect")] = "",
+    ) -> ObjectJson:
+        upload = await _read_upload(request, format, unit, up)
+        chosen = upload.chosen_format(_media_type(request))
+        return ObjectJson.of(await application().upload(upload.data, chosen, upload.unit, upload.up))
+
+    @router.get("/objects/{object}", summary="Read what is known of an object")
+    async def get_object(object: str) -> ObjectJson:
+        return ObjectJson.of(application().object(f"objects/{object}"))
+
+    @router.get("/reference-poses", summary="List the poses that can be adapted")
+    async def list_reference_poses(
+        include_points: Annotated[bool, Query(description="also send the reference objects' surfaces")] = False,
+    ) -> ReferencePosesJson:
+        poses = application().reference_poses(include_points=include_points)
+        return ReferencePosesJson(reference_poses=[ReferencePoseJson.of(pose) for pose in poses])
+
+    @router.post("/reference-poses", status_code=201, summary="Put a reference pose of your own on an uploaded object")
+    async def create_reference_pose(body: CreateReferencePoseJson) -> ReferencePoseJson:
+        return ReferencePoseJson.of(application().create_reference(body.message()))
+
+    _add_goal_poses(router, application, jobs)
+    _add_jobs(router, jobs)
+    return router
+
+
+def _add_goal_poses(
+    router: APIRouter, application: Callable[[], GoalPoseApplication], jobs: Callable[[], Jobs]
+) -> None:
+    @router.post(
+        "/goal-poses",
+        summary="Synthesize a goal pose; with Accept: text/event-stream progress streams while it runs, "
+        "with Prefer: respond-async it runs as a job",
+        response_model=GoalPoseJson,
+        responses={
+            200: {"content": {"text/event-stream": {}}},
+            202: {"model": JobJson, "description": "A job; ask its Location again"},
+        },
+    )
+    async def synthesize(
+        body: SynthesizeJson,
+        request: Request,
+        response: Response,
+        accept: Annotated[str, Header()] = "",
+        prefer: Annotated[str, Header(description="respond-async: answer at once with a job")] = "",
+        idempotency_key: Annotated[str, Header(max_length=128, description="makes sending again safe")] = "",
+    ) -> GoalPoseJson | Response:
+        service = application()
+        wanted = await service.check(body.message())
+        if "respond-async" in prefer and service.cached(wanted) is None:
+            return _job_response(jobs().start(wanted, idempotency_key), 202)
+        jobs().use_key(wanted, idempotency_key)
+        if "text/event-stream" in accept:
+            return EventSourceResponse(_events(service, wanted))
+        answer = await _answer(service, wanted, request)
+        response.headers["X-Roam-Cache"] = "hit" if answer.cached else "miss"
+        return GoalPoseJson.of(answer.goal_pose)
+
+
+def _add_jobs(router: APIRouter, jobs: Callable[[], Jobs]) -> None:
+    @router.get("/jobs/{job}", summary="How far a job is, and its goal pose when it has one", response_model=JobJson)
+    async def get_job(job: str) -> Response:
+        return _job_response(jobs().get(f"jobs/{job}"), 200)
+
+    @router.delete("/jobs/{job}", status_code=204, summary="Stop a job and forget it")
+    async def delete_job(job: str) -> Response:
+        jobs().delete(f"jobs/{job}")
+        return Response(status_code=204)
+
+
+def _job_response(job: Job, status: int) -> Response:
+    headers = {"Location": f"/v1/{job.name}"}
+    if job.state is JobState.RUNNING:
+        headers["Retry-After"] = "1"
+    content = JobJson.of(job).model_dump_json()
+    return Response(content, status_code=status, media_type="application/json", headers=headers)
+
+
+async def _answer(service: GoalPoseApplication, wanted: Wanted, request: Request) -> Answer:
+    """The answer, unless the caller hangs up first: then the optimisation stops."""
+    answering = asyncio.ensure_future(service.answer(wanted))
+    leaving = asyncio.ensure_future(_hung_up(request))
+    try:
+        await asyncio.wait({answering, leaving}, return_when=asyncio.FIRST_COMPLETED)
+        if not answering.done():
+            raise ServiceError(CANCELLED, "the connection was closed")
+        return answering.result()
+    finally:
+        answering.cancel()
+        leaving.cancel()
+
+
+async def _hung_up(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
+async def _events(service: GoalPoseApplication, wanted: Wanted) -> AsyncIterator[dict[str, str]]:
+    """Server-sent events: `progress` …, then `goal_pose`, or `error` with a problem document."""
+    try:
+        async with aclosing(service.synthesize(wanted)) as items:
+            async for item in items:
+                if isinstance(item, Answer):
+                    yield {"event": "goal_pose", "data": GoalPoseJson.of(item.goal_pose).model_dump_json()}
+                else:
+                    yield {"event": "progress", "data": ProgressJson.of(progress_message(item)).model_dump_json()}
+    except Exception as error:
+        if not isinstance(error, ServiceError):
+            log.error("synthesis failed", exc_info=error)
+            error = ServiceError(INTERNAL, type(error).__name__)
+        yield {"event": "error", "data": orjson.dumps(problem(error)).decode()}
+
+
+def _media_type(request: Request) -> str:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+
+def _named_in(request: Request) -> str:
+    """File name of a Content-Disposition header."""
+    parsed = Message()
+    parsed["content-disposition"] = request.headers.get("content-disposition", "")
+    return parsed.get_filename() or ""
+
+
+async def _read_upload(request: Request, format: str, unit: str, up: str) -> Upload:
+    """The file of a raw or multipart body; form fields count where the query says nothing."""
+    if _media_type(request) != "multipart/form-data":
+        data = await request.body()
+        return Upload(data=data, format=format, unit=unit, up=up, file_name=_named_in(request))
+    async with request.form() as form:
+        file = form.get("file")
+        if not isinstance(file, UploadFile):
+            raise ServiceError(INVALID_ARGUMENT, "the form needs a file in the field `file`", field="file")
+        said = {name: str(form.get(name, "")) for name in ("format", "unit", "up")}
+        return Upload(
+            data=await file.read(),
+            format=format or said["format"],
+            unit=unit or said["unit"],
+            up=up or said["up"],
+            file_name=file.filename or "",
+        )

@@ -1,0 +1,44 @@
+"""E_o: the sitter faces the object's front as the reference does (beyond the paper).
+
+An object's front is opposite to its back (`roam_goalpose.objects.heading`): a direction on the floor, as long as front
+and back differ, 1 for chairs and 0 for stools. The reference's front, carried by its pelvis, shall be the
+target's. A stool has none; there the person's own front counts a little, so that it fits an object with a front nearly
+as badly as one that looks aside, but nobody sits on a sofa's edge sideways.
+"""
+
+from functools import cache
+
+import torch
+from roam_character.rotation import quat_inv, quat_rotate
+from roam_character.skeleton import Skeleton
+from torch import Tensor
+
+from roam_goalpose.energy.figure import Figure
+from roam_goalpose.energy.rows import Bend, squares
+
+OWN_FRONT = 0.25  # how much a person's own front counts where the object has none
+
+
+def front_seen_by_pelvis(figure: Figure, front: Tensor) -> Tensor:
+    """The front `[3]` of the reference object, or its person's, in the frame of the reference's pelvis. -> [3]."""
+    left = figure.axes[0, 0, :, 0]
+    own = torch.linalg.cross(left, torch.tensor([0.0, 1.0, 0.0]))
+    seen = torch.where(front.norm() < OWN_FRONT, OWN_FRONT * own, front)
+    return quat_rotate(quat_inv(figure.orientations[:1, 0]), seen[None])[0]
+
+
+@cache
+def hips_joint(skeleton: Skeleton) -> Tensor:
+    """The pelvis. -> [1]."""
+    with torch.inference_mode(False):
+        return torch.tensor([skeleton.index("hips")])
+
+
+def carried_front(figure: Figure, carried: Tensor) -> Tensor:
+    """The reference's front in the world, carried [1 or B, 3] by the pelvis. -> [B, 1, 3]."""
+    return (figure.axes[:, 0] @ carried[..., None]).transpose(1, 2)
+
+
+def facing(seen: Tensor, front: Tensor) -> Bend:
+    """E_o = |R_pelvis c - f|^2 for the carried front `seen` [B, 1, 3] and the target's `front` f [3]; unit 1."""
+    return squares((seen - front).flatten(1))

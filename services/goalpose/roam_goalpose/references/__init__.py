@@ -1,0 +1,1 @@
+"""Reference pairs of a pose and an object."""

@@ -1,0 +1,72 @@
+"""Reference pose-object pairs: what the optimisation adapts (paper section 3.1). Files: examples/references/."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from roam_character.pose import Pose
+from roam_character.skeleton import load_skeleton
+
+from roam_goalpose.objects import Shape, format_of, load_shape
+
+ACTIONS = ("sit", "lie")
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePair:
+    """A pose in the space of the object that it was made for."""
+
+    id: str
+    title: str
+    action: str  # "sit" or "lie"
+    categories: tuple[str, ...]  # kinds of furniture that it is typical for
+    pose: Pose
+    shape: Shape
+
+
+def own_pair(shape: Shape, pose: Pose, *, action: str, title: str) -> ReferencePair:
+    """A pair of the caller's own; its id "sha256:…" is a hash of object, pose and action."""
+    digest = hashlib.sha256(json.dumps([shape.name, pose.skeleton.id, action]).encode())
+    digest.update(np.ascontiguousarray(pose.root_position, "<f4").tobytes())
+    digest.update(np.ascontiguousarray(pose.rotations, "<f4").tobytes())
+    return ReferencePair(f"sha256:{digest.hexdigest()}", title, action, (), pose, shape)
+
+
+def distance_to_object(pair: ReferencePair) -> float:
+    """From the hips joint to the object's surface [m]; 0 inside."""
+    return max(0.0, float(pair.shape.distance.sample(pair.pose.root_position)))
+
+
+def load_reference(path: Path) -> ReferencePair:
+    """Reads NAME.json and the object file that it names, in the same folder.
+
+    Raises ValueError when the record is incomplete or its action unknown.
+    """
+    record = json.loads(path.read_text())
+    missing = {"id", "title", "action", "object", "skeleton", "root_position", "rotations"} - record.keys()
+    if missing:
+        raise ValueError(f"{path.name} lacks {', '.join(sorted(missing))}; see examples/references/README.md")
+    if record["action"] not in ACTIONS:
+        raise ValueError(f"{path.name}: action is {record['action']!r}; it must be one of {', '.join(ACTIONS)}")
+    skeleton = load_skeleton(record["skeleton"])
+    rotations = np.array([record["rotations"][name] for name in skeleton.joint_names], np.float32)
+    rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
+    file = path.parent / record["object"]
+    return ReferencePair(
+        id=record["id"],
+        title=record["title"],
+        action=record["action"],
+        categories=tuple(record.get("categories", ())),
+        pose=Pose(skeleton, np.array(record["root_position"], np.float32), rotations),
+        shape=load_shape(file.read_bytes(), format_of(file.name)),
+    )
+
+
+def load_references(folder: Path) -> dict[str, ReferencePair]:
+    """All pairs of a folder by id, in the order of their file names. Raises FileNotFoundError when there are none."""
+    pairs = [load_reference(path) for path in sorted(folder.glob("*.json"))]
+    if not pairs:
+        raise FileNotFoundError(f"no reference pairs (*.json) in {folder}; make them with examples/references/build.py")
+    return {pair.id: pair for pair in pairs}

@@ -1,0 +1,1 @@
+"""The service's application object, its jobs and its worker processes."""

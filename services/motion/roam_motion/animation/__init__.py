@@ -1,0 +1,1 @@
+"""The moving body: kinematics, features, blending, foot contacts, collision."""

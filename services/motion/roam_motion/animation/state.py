@@ -1,0 +1,78 @@
+"""A character between two frames: small, serialisable, and stackable into one batch."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import torch
+from torch import Tensor
+
+from roam_motion.animation.rows import join, split_tensor
+
+FRAME_RATE = 30  # [Hz]
+KEY_STRIDE = 5  # frames between trajectory keys: 1/6 s
+PAST = 31  # frames of history: -1 s to now
+FUTURE = 6  # keys after now: +1/6 s to +1 s
+KEYS = 13
+ACTIONS = ("idle", "walk", "sit", "lie")
+_STROLL = 0.5, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
+_ALONE, _OF_JOINT = 358, 12  # numbers of a character: without joints, and of every joint
+
+
+@dataclass
+class Characters:
+    """B characters as tensors; everything in the world, metres and seconds."""
+
+    hips: Tensor  # [B, 3]
+    orientations: Tensor  # [B, J, 3, 3] world orientation of every joint
+    velocities: Tensor  # [B, J, 3] [m/s]
+    past: Tensor  # [B, 31, 9] root x, z, direction x, z, four style labels, phase; oldest first, now last
+    future: Tensor  # [B, 6, 9] the same at the six future keys; phase counted on from now
+    contacts: Tensor  # [B, 4] predicted contact, 0..1
+    locks: Tensor  # [B, 4, 3] where each contact is held
+    lock_weights: Tensor  # [B, 4] 0 free .. 1 held
+    settled: Tensor  # [B] how far the held pose has been drawn onto the goal pose, 0..1
+    blend: Tensor  # [B] the bidirectional weight in use, 0..1
+
+    @staticmethod
+    def of(rows: Tensor) -> "Characters":
+        """A batch from the numbers of every character [B, D]."""
+        return Characters(**split_tensor(rows, shapes_of(rows.shape[1])))
+
+    def rows(self) -> Tensor:
+        """The numbers of every character [B, D], in the order of the fields."""
+        return join(vars(self))
+
+
+def characters_width(joints: int) -> int:
+    """How many numbers D a character has."""
+    return _ALONE + _OF_JOINT * joints
+
+
+@cache
+def shapes_of(width: int) -> dict[str, tuple[int, ...]]:
+    """The shapes of a single character's fields that has so many numbers D."""
+    joints = (width - _ALONE) // _OF_JOINT
+    return {
+        "hips": (3,),
+        "orientations": (joints, 3, 3),
+        "velocities": (joints, 3),
+        "past": (PAST, 9),
+        "future": (FUTURE, 9),
+        "contacts": (4,),
+        "locks": (4, 3),
+        "lock_weights": (4,),
+        "settled": (),
+        "blend": (),
+    }
+
+
+def strolling(characters: Characters) -> Tensor:
+    """How much each one walks [B], 0..1: those who go on for a second, not who takes a few steps on the spot."""
+    way = torch.linalg.vector_norm(characters.future[:, -1, :2] - characters.past[:, -1, :2], dim=-1)
+    return characters.past[:, -1, 5].clamp(0.0, 1.0) * ((way - _STROLL[0]) / _STROLL[1]).clamp(0.0, 1.0)
+
+
+def phase_vector(phase: Tensor) -> Tensor:
+    """[...] phase in turns -> [..., 2] (sin, cos)."""
+    angle = phase * (2 * torch.pi)
+    return torch.stack([angle.sin(), angle.cos()], -1)

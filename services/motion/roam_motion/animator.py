@@ -1,0 +1,243 @@
+"""The application object of the motion domain: start characters, step many of them in one batch."""
+
+import json
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import torch
+from roam_character.volume import Volume
+from safetensors import safe_open
+from torch import Tensor
+
+from roam_motion.animation.blending import WHOLE, Blending
+from roam_motion.animation.collision import Furniture, furniture_of, near
+from roam_motion.animation.figure import Figure, humanoid_figure
+from roam_motion.animation.rows import split_array
+from roam_motion.animation.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
+from roam_motion.control.controller import INTERACT, Body, Control, control, goals_of
+from roam_motion.control.intent import Goal, Idle, Intent, Steer
+from roam_motion.control.planner import Plan
+from roam_motion.control.seat import Seat
+from roam_motion.graphs import Graphs, Shown
+from roam_motion.models.lnsm.network import MotionNetwork, NetworkConfig, Normaliser
+from roam_motion.models.lnsm.prediction import Prediction
+
+__all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
+
+_LONG = 3600.0  # [s] range in which the living idle begins
+_HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
+_SEAT_FIELDS = ("positions", "orientations", "root", "stand")
+_MARK = b"ROAM\3"
+# Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
+_HEAD = struct.Struct("<5s6i9d")
+_STANDING, _LYING = -1, 1  # of the head's seat
+
+
+@dataclass(frozen=True, eq=False)
+class CharacterState:
+    """One character between two frames: plain numbers."""
+
+    row: np.ndarray  # [D] its row of `Characters`
+    control: Control
+
+    def to_bytes(self) -> bytes:
+        """Exact serialised form: a head; the row, the seat and its depths as float32; the furniture's volume.
+
+        A server writes thousands a minute.
+        """
+        memory, seat = self.control, self.control.seat
+        parts, tail, kind = [self.row], b"", _STANDING
+        if seat is not None:
+            parts += [getattr(seat, name) for name in _SEAT_FIELDS]
+            kind = _LYING if seat.lying else 0
+            if seat.volume is not None and seat.depths is not None:
+                parts.append(seat.depths)
+                tail = seat.volume.packed
+        depths = len(parts[-1]) if tail else 0
+        times = memory.clock, memory.along, memory.pace
+        integers = memory.mode, memory.since, memory.waiting, kind, len(self.row), depths
+        head = _HEAD.pack(_MARK, *integers, *memory.plan, *times)
+        return head + b"".join(part.astype("<f4").tobytes() for part in parts) + tail
+
+    @staticmethod
+    def from_bytes(data: bytes) -> "CharacterState":
+        """The state that `to_bytes` wrote. ValueError when the bytes are something else."""
+        if len(data) < _HEAD.size or not data.startswith(_MARK):
+            raise ValueError("not a character state")
+        _, mode, since, waiting, kind, width, depths, *plan, clock, along, pace = _HEAD.unpack_from(data)
+        joints = shapes_of(width)["velocities"][0]
+        count = width + (0 if kind == _STANDING else 12 * joints + 8 + depths)
+        if len(data) < _HEAD.size + 4 * count:
+            raise ValueError("a character state that was cut short")
+        numbers = np.frombuffer(data, "<f4", count, _HEAD.size).astype(np.float32)
+        tail, seat = data[_HEAD.size + 4 * count :], None
+        if bool(tail) != bool(depths):
+            raise ValueError("a character state of another length than it says")
+        if kind != _STANDING:
+            seat = _seat(numbers[width:], joints, kind == _LYING, Volume.unpacked(tail) if tail else None)
+        return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock, along, pace))
+
+
+def _seat(numbers: np.ndarray, joints: int, lying: bool, volume: Volume | None) -> Seat:
+    """From its numbers [12 J + 8 + P] in the order of `_SEAT_FIELDS`, then the depths."""
+    ends = [3 * joints, 12 * joints, 12 * joints + 4, 12 * joints + 8]
+    positions, orientations, root, stand, depths = np.split(numbers, ends)
+    shaped = positions.reshape(-1, 3), orientations.reshape(-1, 3, 3)
+    return Seat(*shaped, root, stand, lying, volume, depths if volume is not None else None)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameData:
+    """One frame to show."""
+
+    root: np.ndarray  # [7] hips [m], their rotation xyzw
+    rotations: np.ndarray  # [J, 4] local, xyzw
+    snorm16: np.ndarray  # [J, 4] int16, the same as streams send them
+    positions: np.ndarray  # [J, 3] [m]
+    contacts: np.ndarray  # [4] bool
+    action: str
+    goal_distance: float | None  # mean joint distance to the goal pose [m], while sitting or lying down on it
+
+    @property
+    def root_position(self) -> np.ndarray:
+        """Of the hips [3] [m]."""
+        return self.root[:3]
+
+
+class Animator:
+    """Loaded weights; stateless between calls, so one serves every session."""
+
+    def __init__(
+        self,
+        figure: Figure,
+        network: MotionNetwork,
+        normaliser: Normaliser,
+        starts: dict[str, Tensor],
+        blending: Blending = WHOLE,
+    ) -> None:
+        self.figure, self._blending, self._starts = figure, blending, starts
+        self._network, self._normaliser = network, normaliser
+
+    @cached_property
+    def _graphs(self) -> Graphs:
+        """Made for the first step: a server that steps elsewhere only starts characters."""
+        return Graphs(self.figure, Prediction(self._network, self._normaliser), self._blending)
+
+    @staticmethod
+    def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
+        """From a .safetensors file. ValueError when it was trained for another skeleton."""
+        figure = humanoid_figure()
+        with safe_open(str(weights), "pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+        if metadata.get("skeleton") != figure.skeleton.id:
+            raise ValueError(f"{weights} was trained for skeleton {metadata.get('skeleton')}, not {figure.skeleton.id}")
+        config = NetworkConfig(**json.loads(metadata["config"]))
+        network, normaliser = MotionNetwork(config), Normaliser(config)
+        network.load_state_dict(_part(tensors, "network."))
+        normaliser.load_state_dict(_part(tensors, "normaliser."))
+        return Animator(figure, network, normaliser, _part(tensors, "start."), blending)
+
+    def start(self, position_xz: Sequence[float], yaw: float, seed: int = 0) -> CharacterState:
+        """A character standing quietly at a place [m] with a heading [rad]; the seed picks stance and gait phase."""
+        rng = np.random.default_rng(seed)
+        pick = int(rng.integers(len(self._starts["height"])))
+        turn = torch.tensor(
+            [[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]], dtype=torch.float32
+        )
+        orientations = (turn @ self._starts["orientations"][pick])[None]
+        x, z = float(position_xz[0]), float(position_xz[1])
+        hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
+        batch = _standing(self.figure, hips, orientations, float(rng.random()))
+        return CharacterState(batch.rows()[0].numpy(), Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
+
+    def warmed(self) -> "Animator":
+        """Itself, after a first step, which is slow: let no client wait for it."""
+        self.step([self.start((0.0, 0.0), 0.0, 0)], [Idle()])
+        return self
+
+    @torch.inference_mode()
+    def step(
+        self, states: Sequence[CharacterState], intents: Sequence[Intent]
+    ) -> list[tuple[CharacterState, FrameData]]:
+        """The next frame of every character, in one batch."""
+        if not states:
+            return []
+        rows = np.stack([state.row for state in states])
+        bodies = [
+            Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in self._graphs.bodies(rows)
+        ]
+        memories, commands = control(self.figure, [state.control for state in states], intents, bodies)
+        if not self._blending.settling:
+            commands = [command._replace(urgency=0.0) for command in commands]
+        goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
+        settled = split_array(rows, shapes_of(rows.shape[1]))["settled"]
+        shown = self._graphs.step(rows, goals, clock, _around(memories, bodies, settled))
+        frames = _frames(shown, memories)
+        after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
+        return list(zip(after, frames, strict=True))
+
+
+def _frames(shown: Shown, memories: Sequence[Control]) -> list[FrameData]:
+    """One of each; those who take or hold a goal pose tell how far it is."""
+    gaps = [_gap(memory, *of_each) for memory, *of_each in zip(memories, shown.positions, shown.apart, strict=True)]
+    actions = [ACTIONS[int(style)] for style in shown.style]
+    numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
+    return [FrameData(*parts) for parts in zip(*numbers, actions, gaps, strict=True)]
+
+
+def _gap(memory: Control, positions: np.ndarray, apart: np.ndarray) -> float | None:
+    """Mean joint distance to the goal pose [m]: `apart` is from the pose asked of the network, which for someone who is
+    about to lie down is another one."""
+    if memory.mode != INTERACT or memory.seat is None:
+        return None
+    if memory.seat.lying:
+        return float(np.linalg.norm(positions - memory.seat.positions, axis=-1).mean())
+    return float(apart)
+
+
+def _around(
+    controls: Sequence[Control], bodies: Sequence[Body], settled: np.ndarray
+) -> tuple[Tensor, Furniture] | None:
+    """The rows of characters that can touch their goal's furniture, and it; not of those who hold their goal pose."""
+    rows, volumes, allowed, lying = [], [], [], []
+    for row, (memory, body) in enumerate(zip(controls, bodies, strict=True)):
+        seat = memory.seat
+        if seat is None or seat.volume is None or seat.depths is None or settled[row] > _HELD:
+            continue
+        if not near(seat.volume, body.x, body.z):
+            continue
+        rows.append(row)
+        volumes.append(seat.volume)
+        allowed.append(seat.depths)
+        lying.append(memory.along > 0)
+    return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
+
+
+def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:
+    """A batch of one that has stood still for a second."""
+    positions = figure.positions(hips, orientations)
+    frame = figure.frame(positions)
+    row = torch.cat([frame.origin, frame.direction, torch.tensor([[1.0, 0.0, 0.0, 0.0, phase]])], 1)
+    planted = torch.ones(1, 4)
+    return Characters(
+        hips=hips,
+        orientations=orientations,
+        velocities=torch.zeros_like(positions),
+        past=row[:, None].expand(-1, PAST, -1).clone(),
+        future=row[:, None].expand(-1, FUTURE, -1).clone(),
+        contacts=planted,
+        locks=positions[:, figure.contacts],
+        lock_weights=planted.clone(),
+        settled=torch.zeros(1),
+        blend=torch.zeros(1),
+    )

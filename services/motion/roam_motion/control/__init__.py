@@ -1,0 +1,1 @@
+"""From what a caller intends to what the network is asked for."""

@@ -1,0 +1,1 @@
+"""Characters that live: sessions, their owner, their store, their stream."""

@@ -1,0 +1,237 @@
+"""Frames computed in a process of their own, so that stepping and sending never wait for each other.
+
+In one process they share the interpreter's lock: with 60 readers a step that computes for 17 ms waits for another ten.
+Between the processes travels what the other side does not have yet. An intent crosses once; a state goes back only when
+it is not the one that the process made last, a seat with its furniture only when it is new. What the server holds is
+always whole: a process that dies is started anew and goes on from the same states, to the same bits.
+"""
+
+import multiprocessing
+import pickle
+import signal
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from roam_serving.collector import spare_collector
+from roam_serving.logs import get_log
+
+from roam_motion.animator import Animator, CharacterState, FrameData, Intent
+from roam_motion.control.controller import Control
+from roam_motion.control.planner import Plan
+from roam_motion.control.seat import Seat
+from roam_motion.session.shared_values import Copies, News, Owned
+from roam_motion.session.stepping import Result, Step, frames_of
+
+log = get_log("roam_motion.session.step_process")
+
+_START = 120.0  # [s] a cold start on a busy machine; normally three
+
+Load = Callable[[Path], Step]  # makes what steps; a module's own function, so that it travels
+
+
+def load_step(weights: Path) -> Step:
+    """An animator's step, warm."""
+    return Animator.load(weights).warmed().step
+
+
+@dataclass(frozen=True)
+class _Request:
+    """Characters to step, as numbers."""
+
+    new_states: News[CharacterState]
+    new_intents: News[Intent]
+    states: list[int]
+    intents: list[list[int]]  # of every character those of its next frames
+    made: Sequence[int]  # what the states of all frames will be called, character by character
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """N frames of all characters, one behind the other."""
+
+    counts: list[int]  # of every character how many
+    errors: dict[int, Exception]  # by character: what came instead of a further one
+    new_seats: News[Seat]
+    seats: list[int | None]  # [N]
+    rows: np.ndarray  # [N, D]
+    controls: np.ndarray  # [N, 12] the rest of `Control`
+    frames: tuple[np.ndarray, ...]  # the arrays of FrameData, each [N, …]
+    actions: list[str]
+    gaps: list[float | None]
+
+
+class StepProcess:
+    """One process that steps; `frames` blocks and is for one thread at a time."""
+
+    def __init__(self, weights: Path, *, torch_threads: int = 1, load: Load = load_step) -> None:
+        self._arguments = weights, torch_threads, load
+        self._context = multiprocessing.get_context("spawn")  # a fork would copy torch's threads half
+        self._closed = False
+        self._launch()
+
+    @property
+    def pid(self) -> int:
+        """Of the process that steps now."""
+        assert self._process.pid is not None
+        return self._process.pid
+
+    def frames(
+        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]]
+    ) -> Sequence[Sequence[Result]]:
+        """`stepping.Frames`. RuntimeError when the process has died and cannot be started anew."""
+        try:
+            return self._caller.frames(states, intents)
+        except (EOFError, OSError):
+            if self._closed:
+                raise RuntimeError("the process that steps has been closed") from None
+            self._process.join()
+            log.error("the process that steps has died and is started anew", code=self._process.exitcode)
+            self._launch()
+            return self._caller.frames(states, intents)
+
+    def close(self) -> None:
+        """Ends the process at once."""
+        self._closed = True
+        self._process.kill()
+        self._process.join()
+
+    def _launch(self) -> None:
+        pipe, theirs = self._context.Pipe()
+        self._process = self._context.Process(target=_serve, args=(theirs, *self._arguments), daemon=True)
+        self._process.start()
+        theirs.close()  # so that ours ends with the process
+        if not pipe.poll(_START):
+            self.close()
+            raise RuntimeError("the process that steps did not start in time")
+        _receive(pipe)
+        self._caller = _Caller(pipe)
+
+
+class _Caller:
+    """The server's side of one life of the process."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._states: Owned[CharacterState] = Owned()
+        self._intents: Owned[Intent] = Owned()
+        self._seats: Copies[Seat] = Copies()
+
+    def frames(
+        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]]
+    ) -> Sequence[Sequence[Result]]:
+        """Asks and waits."""
+        called = [self._states.number(state) for state in states]
+        wanted = [[self._intents.number(intent) for intent in of_one] for of_one in intents]
+        made = self._states.reserve(sum(map(len, wanted)))
+        request = _Request(self._states.news(), self._intents.news(), called, wanted, made)
+        self._pipe.send_bytes(pickle.dumps(request))
+        return self._results(_receive(self._pipe), made)
+
+    def _results(self, answer: _Answer, made: Sequence[int]) -> Sequence[Sequence[Result]]:
+        self._seats.take(answer.new_seats)
+        seats = [None if number is None else self._seats[number] for number in answer.seats]
+        states = list(map(_state, answer.rows, answer.controls.tolist(), seats))
+        self._states.adopt(states, made)
+        frames = map(FrameData, *answer.frames, answer.actions, answer.gaps)
+        pairs = zip(states, frames, strict=True)
+        results: list[list[Result]] = [list(islice(pairs, count)) for count in answer.counts]
+        for character, error in answer.errors.items():
+            results[character].append(error)
+        return results
+
+
+def _receive(pipe: Connection) -> Any:
+    """The next message, raised where it is an error."""
+    answer = pickle.loads(pipe.recv_bytes())
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
+
+
+def _serve(pipe: Connection, weights: Path, torch_threads: int, load: Load) -> None:
+    """In the process: one request after the other, until the pipe closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the server decides what ends when
+    torch.set_num_threads(torch_threads)
+    try:
+        stepper = _Stepper(load(weights))
+    except Exception as error:
+        pipe.send_bytes(_pickled(error))
+        return
+    spare_collector()
+    pipe.send_bytes(_pickled(None))
+    with suppress(EOFError):
+        while True:
+            pipe.send_bytes(_pickled(stepper.answer(pickle.loads(pipe.recv_bytes()))))
+
+
+def _pickled(message: object) -> bytes:
+    """A message, or where it is an error that cannot travel its text."""
+    try:
+        return pickle.dumps(message)
+    except Exception as error:
+        return pickle.dumps(RuntimeError(f"{message!r} ({error})"))
+
+
+class _Stepper:
+    """The step, with the states and intents that may be asked for again."""
+
+    def __init__(self, step: Step) -> None:
+        self._step = step
+        self._states: Copies[CharacterState] = Copies()
+        self._intents: Copies[Intent] = Copies()
+        self._seats: Owned[Seat] = Owned()
+
+    def answer(self, request: _Request) -> _Answer:
+        """The frames that were asked for."""
+        self._states.take(request.new_states)
+        self._intents.take(request.new_intents)
+        states = [self._states[number] for number in request.states]
+        intents = [[self._intents[number] for number in of_one] for of_one in request.intents]
+        results = frames_of(self._step, states, intents)
+        errors = {i: of_one[-1] for i, of_one in enumerate(results) if isinstance(of_one[-1], Exception)}
+        pairs = [[pair for pair in of_one if not isinstance(pair, Exception)] for of_one in results]
+        made = [pair for of_one in pairs for pair in of_one]
+        self._states.keep([state for state, _ in made], request.made)
+        return self._packed([len(of_one) for of_one in pairs], errors, made)
+
+    def _packed(
+        self, counts: list[int], errors: dict[int, Exception], made: Sequence[tuple[CharacterState, FrameData]]
+    ) -> _Answer:
+        controls = [state.control for state, _ in made]
+        seats = [None if control.seat is None else self._seats.number(control.seat) for control in controls]
+        frames = [frame for _, frame in made]
+        arrays = zip(*(_arrays(frame) for frame in frames), strict=True)
+        return _Answer(
+            counts=counts,
+            errors=errors,
+            new_seats=self._seats.news(),
+            seats=seats,
+            rows=np.stack([state.row for state, _ in made]),
+            controls=np.array([_numbers(control) for control in controls]),
+            frames=tuple(np.stack(part) for part in arrays),
+            actions=[frame.action for frame in frames],
+            gaps=[frame.goal_distance for frame in frames],
+        )
+
+
+def _arrays(frame: FrameData) -> tuple[np.ndarray, ...]:
+    return frame.root, frame.rotations, frame.snorm16, frame.positions, frame.contacts
+
+
+def _numbers(control: Control) -> tuple[float, ...]:
+    """All of a `Control` but its seat."""
+    plan, mode, _, *rest = control
+    return *plan, mode, *rest
+
+
+def _state(row: np.ndarray, numbers: Sequence[float], seat: Seat | None) -> CharacterState:
+    *plan, mode, since, waiting, clock, along, pace = numbers
+    control = Control(Plan(*plan), int(mode), seat, int(since), int(waiting), clock, along, pace)
+    return CharacterState(row.copy(), control)

@@ -1,0 +1,215 @@
+"""The session store of several replicas: one hash per session in Redis.
+
+    roam:session:{name}   record, owner, token, s:{sequence} snapshots, c:{control_id}:{effective} controls
+    roam:request:{id}     name of the session that a request_id made
+    roam:lease:{owner}    there while the replica lives
+    roam:asked:{owner}    sessions that others ask it for
+
+Every change checks the token where it is made, in a script that Redis runs as one step. One Redis, not a cluster.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from redis.asyncio import Redis
+from redis.asyncio.retry import Retry
+from redis.backoff import NoBackoff
+from redis.exceptions import RedisError
+
+from roam_motion.session.store.base import (
+    Claim,
+    ControlEntry,
+    HeldElsewhereError,
+    MissingError,
+    SessionRecord,
+    Snapshot,
+    StoreDownError,
+    SupersededError,
+    decode_control,
+    decode_record,
+    decode_snapshot,
+    encode,
+)
+
+_TIMEOUT = 0.5  # [s] for one answer
+_TOMBSTONE = 60_000  # [ms] that a removed session keeps fencing replicas that have not heard of it
+_ASKED = 5_000  # [ms] after which a question is forgotten
+
+_CREATE = """
+if KEYS[2] ~= '' then
+  local known = redis.call('GET', KEYS[2])
+  if known and redis.call('HEXISTS', 'roam:session:' .. known, 'record') == 1 then return known end
+  redis.call('SET', KEYS[2], ARGV[1])
+end
+redis.call('HSET', KEYS[1], 'record', ARGV[2], 'owner', ARGV[3], 'token', 1, 's:0', ARGV[4])
+redis.call('PEXPIRE', KEYS[1], ARGV[5])
+if KEYS[2] ~= '' then redis.call('PEXPIRE', KEYS[2], ARGV[5]) end
+return ARGV[1]
+"""
+_CLAIM = """
+local held = redis.call('HMGET', KEYS[1], 'record', 'owner')
+if not held[1] then return nil end
+if held[2] ~= ARGV[1] and redis.call('EXISTS', 'roam:lease:' .. held[2]) == 1 then return held[2] end
+redis.call('HINCRBY', KEYS[1], 'token', 1)
+local found = redis.call('HGETALL', KEYS[1])
+redis.call('HSET', KEYS[1], 'owner', ARGV[1])
+return found
+"""
+_LOG = """
+local token = redis.call('HGET', KEYS[1], 'token')
+if not token then return 'missing' end
+if token ~= ARGV[1] then return 'superseded' end
+redis.call('HSET', KEYS[1], ARGV[2], ARGV[3])
+return 'ok'
+"""
+_SAVE = """
+local token = redis.call('HGET', KEYS[1], 'token')
+if token and token ~= ARGV[1] then return 'superseded' end
+if not token then
+  redis.call('HSET', KEYS[1], 'record', ARGV[4], 'owner', ARGV[5], 'token', ARGV[1])
+  redis.call('PEXPIRE', KEYS[1], ARGV[6])
+end
+redis.call('HSET', KEYS[1], ARGV[2], ARGV[3])
+local from = tonumber(ARGV[7])
+for _, key in ipairs(redis.call('HKEYS', KEYS[1])) do
+  local sequence = tonumber(string.match(key, '^s:(%d+)$'))
+  local effective = tonumber(string.match(key, '^c:%d+:(%d+)$'))
+  if (sequence and sequence < from) or (effective and effective <= from) then redis.call('HDEL', KEYS[1], key) end
+end
+return 'ok'
+"""
+_RELEASE = """
+if redis.call('HGET', KEYS[1], 'token') == ARGV[1] then redis.call('HSET', KEYS[1], 'owner', '') end
+"""
+_REMOVE = """
+if redis.call('HGET', KEYS[1], 'token') ~= ARGV[1] then return end
+redis.call('DEL', KEYS[1])
+redis.call('HSET', KEYS[1], 'token', ARGV[1] + 1)
+redis.call('PEXPIRE', KEYS[1], ARGV[2])
+"""
+
+
+class RedisStore:
+    """Implements motion.store.SessionStore on one Redis."""
+
+    def __init__(self, redis: Redis) -> None:
+        self._redis = redis
+        self._create = redis.register_script(_CREATE)
+        self._claim = redis.register_script(_CLAIM)
+        self._log = redis.register_script(_LOG)
+        self._save = redis.register_script(_SAVE)
+        self._release = redis.register_script(_RELEASE)
+        self._remove = redis.register_script(_REMOVE)
+
+    @staticmethod
+    def at(url: str) -> "RedisStore":
+        """The store behind an address such as redis://localhost:6379/0; connects when it is first needed."""
+        retry = Retry(NoBackoff(), 1)  # once, for a connection that Redis closed in the meantime
+        redis = Redis.from_url(url, socket_timeout=_TIMEOUT, socket_connect_timeout=_TIMEOUT, retry=retry)
+        return RedisStore(redis)
+
+    async def renew(self, owner: str, seconds: float) -> None:
+        """See SessionStore."""
+        with _down():
+            await self._redis.set(f"roam:lease:{owner}", 1, px=_milliseconds(seconds))
+
+    async def create(self, record: SessionRecord, owner: str, snapshot: Snapshot) -> str:
+        """See SessionStore."""
+        request = f"roam:request:{record.request_id}" if record.request_id else ""
+        values = [record.name, encode(record), owner, encode(snapshot), _milliseconds(record.idle_timeout)]
+        return str((await self._run(self._create, [_key(record.name), request], values)).decode())
+
+    async def claim(self, name: str, owner: str) -> Claim | None:
+        """See SessionStore."""
+        found = await self._run(self._claim, [_key(name)], [owner])
+        if found is None:
+            return None
+        if isinstance(found, bytes):
+            raise HeldElsewhereError(found.decode())
+        fields = {key.decode(): value for key, value in zip(found[::2], found[1::2], strict=True)}
+        snapshots = [decode_snapshot(value) for key, value in fields.items() if key.startswith("s:")]
+        controls = [decode_control(value) for key, value in fields.items() if key.startswith("c:")]
+        return Claim(
+            decode_record(fields["record"]),
+            int(fields["token"]),
+            tuple(sorted(snapshots, key=lambda snapshot: snapshot.sequence)),
+            tuple(sorted(controls, key=lambda entry: entry.control_id)),
+            released=not fields["owner"],
+        )
+
+    async def log(self, name: str, token: int, entry: ControlEntry) -> None:
+        """See SessionStore."""
+        field = f"c:{entry.control_id}:{entry.effective}"
+        _judge(await self._run(self._log, [_key(name)], [token, field, encode(entry)]))
+
+    async def save(self, record: SessionRecord, owner: str, token: int, snapshot: Snapshot, keep_from: int) -> None:
+        """See SessionStore."""
+        terms = [encode(record), owner, _milliseconds(record.idle_timeout)]
+        values = [token, f"s:{snapshot.sequence}", encode(snapshot), *terms, keep_from]
+        _judge(await self._run(self._save, [_key(record.name)], values))
+
+    async def release(self, name: str, token: int) -> None:
+        """See SessionStore."""
+        await self._run(self._release, [_key(name)], [token])
+
+    async def remove(self, name: str, token: int) -> None:
+        """See SessionStore. A tombstone goes on fencing for a minute."""
+        await self._run(self._remove, [_key(name)], [token, _TOMBSTONE])
+
+    async def keep(self, seconds: Mapping[str, float]) -> set[str]:
+        """See SessionStore."""
+        with _down():
+            async with self._redis.pipeline(transaction=False) as pipe:
+                for name, kept in seconds.items():
+                    pipe.pexpire(_key(name), _milliseconds(kept))
+                found = await pipe.execute()
+        return {name for name, there in zip(seconds, found, strict=True) if not there}
+
+    async def ask(self, owner: str, name: str) -> None:
+        """See SessionStore."""
+        with _down():
+            async with self._redis.pipeline() as pipe:
+                pipe.sadd(f"roam:asked:{owner}", name)
+                pipe.pexpire(f"roam:asked:{owner}", _ASKED)
+                await pipe.execute()
+
+    async def asked(self, owner: str) -> set[str]:
+        """See SessionStore."""
+        with _down():
+            async with self._redis.pipeline() as pipe:
+                pipe.smembers(f"roam:asked:{owner}")
+                pipe.delete(f"roam:asked:{owner}")
+                names, _ = await pipe.execute()
+        return {name.decode() for name in names}
+
+    async def close(self) -> None:
+        """See SessionStore."""
+        await self._redis.aclose()
+
+    async def _run(self, script: Any, keys: Sequence[str], values: Sequence[Any]) -> Any:
+        with _down():
+            return await script(keys=keys, args=values)
+
+
+def _key(name: str) -> str:
+    return f"roam:session:{name}"
+
+
+def _milliseconds(seconds: float) -> int:
+    return max(1, round(seconds * 1000))
+
+
+def _judge(answer: bytes) -> None:
+    if answer == b"superseded":
+        raise SupersededError
+    if answer == b"missing":
+        raise MissingError
+
+
+@contextmanager
+def _down() -> Iterator[None]:
+    try:
+        yield
+    except (RedisError, OSError, TimeoutError) as error:
+        raise StoreDownError(str(error)) from error

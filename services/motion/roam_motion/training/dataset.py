@@ -1,0 +1,192 @@
+"""Episodes flattened to tensors, and the batched views that training takes of them: states, goals, what comes next."""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from roam_character.rotation import quat_to_matrix
+from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
+
+from roam_motion.animation.features import Goals, Targets
+from roam_motion.animation.figure import Figure
+from roam_motion.animation.state import FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
+from roam_motion.training.episodes import Episode
+
+_PLAN_SMOOTHING = 0.35 * FRAME_RATE  # frames: a planned path knows nothing of the sway of steps
+
+
+@dataclass
+class Dataset:
+    """N frames of all episodes end to end; `first` and `last` are each frame's episode bounds."""
+
+    hips: Tensor  # [N, 3]
+    orientations: Tensor  # [N, J, 3, 3] world
+    root: Tensor  # [N, 4] x, z, direction
+    plan: Tensor  # [N, 4] the same, smoothed
+    styles: Tensor  # [N, 4]
+    phase: Tensor  # [N]
+    contacts: Tensor  # [N, 4]
+    intent: Tensor  # [N]
+    goal: Tensor  # [N] row of the goal tensors or -1
+    horizon: Tensor  # [N] last frame that path goals show
+    first: Tensor  # [N]
+    last: Tensor  # [N]
+    weight: Tensor  # [N] how often to start here
+    goal_positions: Tensor  # [G, J, 3]
+    goal_orientations: Tensor  # [G, J, 3, 3]
+    goal_root: Tensor  # [G, 4]
+    goal_active: Tensor  # [G]
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+    def save(self, path: Path) -> None:
+        """Cache on disk."""
+        torch.save({f.name: getattr(self, f.name) for f in fields(self)}, path)
+
+    @staticmethod
+    def load(path: Path) -> "Dataset":
+        """From the cache."""
+        return Dataset(**torch.load(path, weights_only=True))
+
+    def characters(self, figure: Figure, at: Tensor) -> Characters:
+        """The true states at frames `at` [B]."""
+        batch = len(at)
+        before = torch.maximum(at - 1, self.first[at])
+        now = figure.positions(self.hips[at], self.orientations[at])
+        then = figure.positions(self.hips[before], self.orientations[before])
+        back = torch.maximum(at[:, None] + torch.arange(1 - PAST, 1), self.first[at][:, None])
+        ahead = self._clamped(at, torch.arange(1, FUTURE + 1) * KEY_STRIDE)
+        contacts = self.contacts[at]
+        phase = self.phase[at].floor()[:, None, None]
+        past = torch.cat([self.root[back], self.styles[back], self.phase[back][..., None] - phase], -1)
+        future = torch.cat([self.root[ahead], self.styles[ahead], self.phase[ahead][..., None] - phase], -1)
+        return Characters(
+            hips=self.hips[at],
+            orientations=self.orientations[at],
+            velocities=(now - then) * FRAME_RATE,
+            past=past,
+            future=future,
+            contacts=contacts,
+            locks=now[:, figure.contacts],
+            lock_weights=contacts.clone(),
+            settled=torch.zeros(batch),
+            blend=torch.zeros(batch),
+        )
+
+    def emphasised(self, factor: float, frames: int = 60) -> "Dataset":
+        """The same data, with the first `frames` of every interaction and every rise drawn `factor` times as often."""
+        at = torch.arange(len(self))
+        fixed = self.goal >= 0
+        active = fixed & (self.goal_active[self.goal.clamp_min(0)] > 0)
+        earlier = torch.maximum(at - frames, self.first)
+        beginning = active & (self.intent[earlier] != self.intent)
+        return replace(self, weight=torch.where((fixed & ~active) | beginning, self.weight * factor, self.weight))
+
+    def _clamped(self, at: Tensor, steps: Tensor) -> Tensor:
+        return torch.minimum(at[:, None] + steps, self.last[at][:, None])
+
+    def goals(self, at: Tensor) -> Goals:
+        """Goals at frames `at` [B]: the planned path 0..2 s ahead, or the goal pose's root."""
+        steps = torch.arange(KEYS) * KEY_STRIDE
+        seen = torch.minimum(at[:, None] + steps, self.horizon[at][:, None]).clamp_min(0)
+        path = self.plan[torch.maximum(seen, at[:, None])]
+        row = self.goal[at]
+        fixed, safe = row >= 0, row.clamp_min(0)
+        keys = torch.where(fixed[:, None, None], self.goal_root[safe][:, None].expand(-1, KEYS, -1), path)
+        return Goals(
+            positions=keys[..., :2],
+            directions=keys[..., 2:],
+            action=torch.nn.functional.one_hot(self.intent[at], 4).float(),
+            active=self.goal_active[safe] * fixed,
+            pose_positions=self.goal_positions[safe],
+            pose_orientations=self.goal_orientations[safe],
+            urgency=torch.zeros(len(at)),
+        )
+
+    def targets(self, figure: Figure, at: Tensor) -> Targets:
+        """What comes after frames `at` [B] in the data."""
+        after = torch.minimum(at + 1, self.last[at])
+        keys = self._clamped(at, 1 + torch.arange(FUTURE + 1) * KEY_STRIDE)
+        return Targets(
+            positions=figure.positions(self.hips[after], self.orientations[after]),
+            orientations=self.orientations[after],
+            trajectory=torch.cat([self.root[keys], self.styles[keys]], -1),
+            contacts=self.contacts[after],
+            phase=self.phase[keys] - self.phase[at][:, None],
+        )
+
+
+def build(figure: Figure, episodes: list[Episode], weights: list[float]) -> Dataset:
+    """One dataset of many episodes; `weights` say how often each episode's frames are to be drawn."""
+    parts = []
+    start, goal_start = 0, 0
+    for episode, weight in zip(episodes, weights, strict=True):
+        parts.append(_part(figure, episode, weight, start, goal_start))
+        start, goal_start = start + len(episode.clip), goal_start + len(episode.goals)
+    if goal_start == 0:  # only walking: one row that nothing points to
+        parts.append(dict.fromkeys((f.name for f in fields(Dataset)), torch.zeros(0)) | _no_goal(figure))
+    return Dataset(**{f.name: torch.cat([p[f.name] for p in parts if len(p[f.name])]) for f in fields(Dataset)})
+
+
+def _no_goal(figure: Figure) -> dict[str, Tensor]:
+    orientations = torch.eye(3).expand(1, figure.joint_count, 3, 3)
+    return {
+        "goal_positions": figure.positions(torch.zeros(1, 3), orientations),
+        "goal_orientations": orientations,
+        "goal_root": torch.tensor([[0.0, 0.0, 0.0, 1.0]]),
+        "goal_active": torch.zeros(1),
+    }
+
+
+def _part(figure: Figure, episode: Episode, weight: float, start: int, goal_start: int) -> dict[str, Tensor]:
+    clip = episode.clip
+    count = len(clip)
+    hips = torch.tensor(clip.root_positions, dtype=torch.float32)
+    orientations = figure.world(quat_to_matrix(torch.tensor(clip.rotations, dtype=torch.float32)))
+    root = _roots(figure, hips, orientations)
+    goal = torch.tensor(episode.goal)
+    part = {
+        "hips": hips,
+        "orientations": orientations,
+        "root": root,
+        "plan": _smoothed(root),
+        "styles": torch.tensor(episode.styles, dtype=torch.float32),
+        "phase": torch.tensor(episode.phase, dtype=torch.float32),
+        "contacts": torch.tensor(episode.contacts, dtype=torch.float32),
+        "intent": torch.tensor(episode.intent),
+        "goal": torch.where(goal >= 0, goal + goal_start, goal),
+        "horizon": torch.tensor(episode.horizon) + start,
+        "first": torch.full((count,), start),
+        "last": torch.full((count,), start + count - 1),
+        "weight": torch.full((count,), weight),
+    }
+    return part | _goal_part(figure, episode)
+
+
+def _goal_part(figure: Figure, episode: Episode) -> dict[str, Tensor]:
+    if not episode.goals:
+        none = torch.zeros(0)
+        return dict.fromkeys(("goal_positions", "goal_orientations", "goal_root", "goal_active"), none)
+    hips = torch.tensor(np.stack([key.hips for key, _ in episode.goals]), dtype=torch.float32)
+    rotations = torch.tensor(np.stack([key.rotations for key, _ in episode.goals]), dtype=torch.float32)
+    orientations = figure.world(quat_to_matrix(rotations))
+    return {
+        "goal_positions": figure.positions(hips, orientations),
+        "goal_orientations": orientations,
+        "goal_root": _roots(figure, hips, orientations),
+        "goal_active": torch.tensor([float(active) for _, active in episode.goals]),
+    }
+
+
+def _roots(figure: Figure, hips: Tensor, orientations: Tensor) -> Tensor:
+    frame = figure.frame(figure.positions(hips, orientations))
+    return torch.cat([frame.origin, frame.direction], -1)
+
+
+def _smoothed(root: Tensor) -> Tensor:
+    smooth = torch.tensor(gaussian_filter1d(root.numpy(), _PLAN_SMOOTHING, axis=0, mode="nearest"))
+    direction = smooth[:, 2:] / smooth[:, 2:].norm(dim=-1, keepdim=True).clamp_min(1e-6)
+    return torch.cat([smooth[:, :2], direction], -1)
