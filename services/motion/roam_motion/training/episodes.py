@@ -27,6 +27,7 @@ _ADJUST = 12  # frames of an adjusting step
 _LIFT = 0.035  # its height [m]
 _BEFORE = 80  # frames of approach kept
 _AFTER = 60  # frames after standing up kept
+_SHORTEST = 30  # frames of a stretch of locomotion
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,13 @@ class Episode:
 
 def locomotion(recording: Recording, skeleton: Skeleton) -> list[Episode]:
     """The walking, turning and standing stretches of a recording."""
-    contacts, styles, phase, names = _labels(recording)
+    contacts, styles, phase, names = labelled(recording)
     free = np.ones(len(recording.clip), bool)
     for span in recording.spans:
         free[(span.down or 0) : (span.up or len(free)) + 1] = False
-    free &= np.array([n in ("idle", "walk", "turn") for n in names])
+    free &= np.array([n in labels.LOCOMOTION for n in names])
     out = []
-    for first, last in _stretches(free, 60):
+    for first, last in _stretches(free, _SHORTEST):
         cut = slice(first, last + 1)
         idle = np.array([n == "idle" for n in names[cut]])
         count = last - first + 1
@@ -77,7 +78,8 @@ def _stretches(mask: np.ndarray, shortest: int) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= shortest]
 
 
-def _labels(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+def labelled(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Contacts [T, 4], soft styles [T, 4], gait phase [T] and label names of a recording at its own rate."""
     clip = recording.clip
     positions = clip.positions()
     joints = clip.skeleton.indices(CONTACT_JOINTS)
@@ -121,7 +123,7 @@ def _bent(recording: Recording, span: Span, goal: Key, keys: tuple[Key, Key], rn
         end = span.last
     order, weight, living, lead = _timeline(span, start, end, rng)
     hips, rotations = _warp(clip, keys, goal, order, weight, living, lead)
-    contacts, styles, phase, _ = _labels(recording)
+    contacts, styles, phase, _ = labelled(recording)
     contacts, phase = contacts[order].copy(), _continued(phase, order)
     bent = Clip(skeleton, clip.frame_rate, hips.astype(np.float32), rotations.astype(np.float32))
     if span.action == "sit":
@@ -148,9 +150,9 @@ def _timeline(
     down = span.down if span.down is not None else span.first
     up = span.up if span.up is not None else span.last
     # The pull begins before the descent, so that body and goal meet without haste.
-    weight[:before] = _smooth((np.arange(start, span.first) - (down - 20)) / (span.first - down + 20 + 1e-6))
+    weight[:before] = smooth((np.arange(start, span.first) - (down - 20)) / (span.first - down + 20 + 1e-6))
     if after:
-        weight[-after:] = _smooth((up + 10 - np.arange(span.last + 1, end + 1)) / (up + 10 - span.last + 1e-6))
+        weight[-after:] = smooth((up + 10 - np.arange(span.last + 1, end + 1)) / (up + 10 - span.last + 1e-6))
     living = np.zeros(len(order), np.float32)
     middle = int(lead.sum())
     rise = np.minimum(np.abs(np.arange(len(held)) - middle) / 10.0, 1.0)
@@ -160,7 +162,8 @@ def _timeline(
     return order, weight, living, leads
 
 
-def _smooth(x: np.ndarray) -> np.ndarray:
+def smooth(x: np.ndarray) -> np.ndarray:
+    """0 to 1 over [0, 1], speed and acceleration zero at both ends."""
     x = np.clip(x, 0, 1)
     return np.asarray(x * x * x * (x * (6 * x - 15) + 10), np.float32)
 
@@ -251,10 +254,10 @@ def _planted(
 def _adjusting(count: int, begin: int, back: int, *, has_rise: bool, has_fall: bool) -> tuple[np.ndarray, np.ndarray]:
     """Share of the goal's foot place [T] and height of the lifted foot [T] [m]."""
     t = np.arange(count)
-    share = _smooth((t - begin) / _ADJUST) if has_fall else np.ones(count, np.float32)
+    share = smooth((t - begin) / _ADJUST) if has_fall else np.ones(count, np.float32)
     lift = np.sin(np.pi * np.clip((t - begin) / _ADJUST, 0, 1)) if has_fall else np.zeros(count)
     if has_rise:
-        share = share * (1 - _smooth((t - back) / _ADJUST))
+        share = share * (1 - smooth((t - back) / _ADJUST))
         lift = lift + np.sin(np.pi * np.clip((t - back) / _ADJUST, 0, 1))
     return share, _LIFT * lift
 

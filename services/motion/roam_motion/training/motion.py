@@ -18,12 +18,19 @@ import torch
 
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.training.library import LibraryConfig, load_library
+from roam_motion.training.licences import LicenceError
 from roam_motion.training.loop import Learner, TrainingConfig, config_json, make_learner, train
 from roam_motion.training.validation import rollout_scores
 from roam_motion.training.weights import export
 
-EMPHASIS = 2.0  # sitting down and rising are short but hard
-_OWN_FOLDERS = ("cmu_footlock", "derived_seat", "derived_lie")
+_OWN_FOLDERS = (
+    "cmu_footlock",
+    "cmu_more_footlock",
+    "cmu_loop",
+    "reactidle_footlock",
+    "derived_seat",
+    "derived_lie",
+)
 
 
 def own_data() -> Path:
@@ -56,6 +63,9 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bvh", action="append", type=Path, metavar="DIR", help="folder of BVH files (repeatable)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by evaluation.motion_goals")
+    parser.add_argument(
+        "--share-alike", action="store_true", help="clips under CC BY-SA may be used; so are the weights then"
+    )
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"), help="where prepared data are kept")
 
 
@@ -66,7 +76,8 @@ def library_of(options: argparse.Namespace) -> LibraryConfig | None:
     if missing:
         print(f"no such folder: {', '.join(map(str, missing))}; give --bvh DIR or set ROAM_DATA")
         return None
-    return LibraryConfig(tuple(map(str, folders)), options.goals and str(options.goals), options.seed)
+    goals = options.goals and str(options.goals)
+    return LibraryConfig(tuple(map(str, folders)), goals, options.seed, share_alike=options.share_alike)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -78,9 +89,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if library is None:
         return 2
     print("preparing the data (cached afterwards) …", flush=True)
-    dataset, held_out, summary = load_library(figure, library, options.cache)
+    try:
+        dataset, held_out, summary = load_library(figure, library, options.cache)
+    except LicenceError as error:
+        print(error)
+        return 2
     print(json.dumps(summary), flush=True)
-    dataset = dataset.emphasised(EMPHASIS)
     config = _config(options)
     run: Path = options.out
     run.mkdir(parents=True, exist_ok=True)
