@@ -7,6 +7,7 @@ latest.pt and best.pt to its folder, stops cleanly on SIGINT or SIGTERM, and goe
 """
 
 import argparse
+import copy
 import hashlib
 import json
 import os
@@ -17,11 +18,13 @@ from pathlib import Path
 import torch
 
 from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animator import Animator
+from roam_motion.training.approaches import approach_scores, held_out_goals
 from roam_motion.training.library import LibraryConfig, load_library
 from roam_motion.training.licences import LicenceError
 from roam_motion.training.loop import Learner, TrainingConfig, config_json, make_learner, train
 from roam_motion.training.validation import rollout_scores
-from roam_motion.training.weights import export
+from roam_motion.training.weights import export, start_poses
 
 _OWN_FOLDERS = (
     "cmu_footlock",
@@ -111,9 +114,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         config_json(config, {"init": _hash(options.init), "library": asdict(library), "data": summary})
     )
 
+    poses, starts = held_out_goals(figure, held_out), start_poses(figure, dataset)
+
     def validate(state: Learner) -> dict[str, float]:
         predict = state.predict(averaged=True)
         scores = rollout_scores(figure, held_out, predict, torch.Generator().manual_seed(1))
+        if poses and len(starts["start.height"]):
+            network = copy.deepcopy(state.averaged)
+            served = Animator(figure, network, state.normaliser, {k[6:]: v for k, v in starts.items()})
+            scores |= approach_scores(served, poses)
+            scores["score"] += scores["people"]
         print("validation", json.dumps({k: round(v, 4) for k, v in scores.items()}), flush=True)
         return scores
 
