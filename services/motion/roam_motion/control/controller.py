@@ -15,6 +15,7 @@ from roam_motion.animation.features import goal_shapes
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.rows import row_width, split_array
 from roam_motion.animation.state import ACTIONS, FRAME_RATE, KEYS
+from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.paths import way
 from roam_motion.control.planner import Aim, Plan, Steering, Target, follow, plan_keys, wrap
@@ -25,7 +26,7 @@ FREE, INTERACT, RISE = 0, 1, 2
 _ARRIVED = 0.14, math.radians(28)  # distance and heading from which the interaction may begin
 _CLOSE = 0.35, math.radians(60)  # good enough when no progress is made
 _PATIENCE = 45  # frames
-_BALANCED = 0.13  # [m] between hips and the middle of the feet, seen from above
+_BALANCED = 0.13  # [m] between hips and where they are when one stands well, seen from above
 _UPRIGHT = 0.86  # [m] hips higher than this: standing
 _LATE = 75  # frames after which sitting down should be over; then the goal pose draws ever more
 _URGENT = 60  # frames until it alone decides
@@ -108,11 +109,11 @@ def _walks(plans: Sequence[Plan], aims: Sequence[Aim], bodies: Sequence[Body]) -
     idle, walk = ACTIONS.index("idle"), ACTIONS.index("walk")
     commands = []
     for row, (plan, body) in enumerate(zip(plans, bodies, strict=True)):
-        feet = body.feet or (body.x, body.z)
+        x, z = _over_feet(body)
         still = gone[row] < 0.1 and alike[row] > 0.95
         # Off balance, or still under way: take a step.
         still = still and math.hypot(plan.vx, plan.vz) < 0.15
-        still = still and math.hypot(feet[0] - body.x, feet[1] - body.z) < _BALANCED
+        still = still and math.hypot(x - body.x, z - body.z) < _BALANCED
         commands.append(Command(places[row], directions[row], idle if still else walk, False))
     return commands
 
@@ -157,7 +158,14 @@ def _sat(edge: Seat, state: Control, body: Body) -> bool:
 def _anchor(aim: Aim, body: Body) -> tuple[float, float]:
     """Where the plan belongs: at the root, but when standing still over the feet, or they lean on each other."""
     stands = isinstance(aim, Steering) and math.hypot(aim.vx, aim.vz) < 0.05
-    return body.feet if stands and body.feet is not None else (body.x, body.z)
+    return _over_feet(body) if stands else (body.x, body.z)
+
+
+def _over_feet(body: Body) -> tuple[float, float]:
+    """Where the root of a body is that stands well on its feet: a little before its ankles."""
+    if body.feet is None:
+        return body.x, body.z
+    return body.feet[0] + BEHIND * math.sin(body.yaw), body.feet[1] + BEHIND * math.cos(body.yaw)
 
 
 def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:

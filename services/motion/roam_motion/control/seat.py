@@ -1,8 +1,8 @@
 """A goal pose as the controller needs it: where it is, where one stands before it, what the way there goes round.
 
 The paper sets the walking goal 0.3 m in front of the goal feet. In the captured sits people stand *over* their later
-feet when they begin (median 0.00 m), so the standing place is 5 cm in front of them, and farther where the furniture's
-edge would be in the calves.
+feet when they begin (median 0.00 m), so the standing place has their feet there already, or farther away where the
+furniture's edge would be in the calves.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,11 @@ from roam_character.volume import Volume
 
 from roam_motion.animation.collision import furniture_of, goal_depths
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Outline, Place, edge
 
-_STAND_AHEAD = 0.05  # [m] standing place in front of the goal's ankles
+_STAND_AHEAD = BEHIND  # [m] standing place in front of the goal's ankles: who stands there has its feet on the goal's
 _LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
 _CALVES = 0.16  # [m] standing place in front of the furniture's edge
 _STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most

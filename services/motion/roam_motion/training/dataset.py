@@ -74,6 +74,8 @@ class Dataset:
             lock_weights=contacts.clone(),
             settled=torch.zeros(batch),
             blend=torch.zeros(batch),
+            standing=torch.zeros(batch),
+            steps=torch.zeros(batch, 2),
         )
 
     def emphasised(self, factor: float, frames: int = 60) -> "Dataset":
