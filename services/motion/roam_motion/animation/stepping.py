@@ -27,6 +27,8 @@ _KEY = 2  # of the goals: feet step to where the body will be in a third of a se
 # A foot steps that is so far from its place on the floor [m], turned from it [rad] (people's: 17 degrees in the median),
 # or whose heel is up [m].
 _MISPLACED = 0.14, math.radians(30), 0.035
+_EXACTLY = 0.06  # [m] the same, before a seat: captured feet move 0.02 to 0.04 m after contact with it
+_OVER_SEAT = 0.15  # [m] over the goal's hips the seat begins to count: nobody steps any more
 _FRAMES = 12  # of a step: captured turns on the spot lift a foot for 0.35 to 0.45 s
 _LANDING = 0.5  # share of its step that a foot has behind it which is in the air when one comes to stand
 _LIFT = 0.055  # [m] of the ankle: tuned on turns on the spot
@@ -60,7 +62,7 @@ def step(
     ankle, arm = last[:, ::2], last[:, 1::2] - last[:, ::2]
     landed = characters.steps >= 1
     gone = torch.where(landed, torch.zeros_like(characters.steps), characters.steps)
-    gone = _begun(figure, characters, gone, ankle, _error(figure, ankle, arm, places, ways), ruled)
+    gone = _begun(figure, characters, gone, ankle, _error(figure, goals, ankle, arm, places, ways), ruled)
     moving = (gone > 0) & (standing > 0)[:, None]
     progress = torch.where(moving, (gone + 1 / _FRAMES).clamp_max(1.0), torch.zeros_like(gone))
     progress = torch.where(progress > 1 - 0.5 / _FRAMES, progress.new_ones(()), progress)
@@ -102,11 +104,13 @@ def rise(figure: Figure, steps: Steps, joints: Tensor, ankles: Tensor) -> Tensor
 
 
 def _standing(figure: Figure, characters: Characters, goals: Goals) -> Tensor:
-    """How much each one stands [B]: upright, with goals that lead nowhere."""
+    """How much each one stands [B]: with goals that lead nowhere, upright, or not yet near the seat that it takes."""
     gone = vector_norm(goals.positions[:, 6] - goals.positions[:, 0], dim=-1) / size(figure)
     tall = leg_length(figure) - figure.offsets[figure.legs[:, 0], 1].mean() + _FLAT * size(figure)
     change = (gone < _GONE[0]).float() - (gone > _GONE[1]).float()
-    able = (goals.active < 0.5) & (characters.hips[:, 1] > _UPRIGHT * tall)
+    seat = goals.pose_positions[:, 0, 1] + _OVER_SEAT * size(figure)
+    able = torch.where(goals.active > 0.5, characters.hips[:, 1] > seat, characters.hips[:, 1] > _UPRIGHT * tall)
+    able = able & ((goals.active < 0.5) | _given(goals))
     change = torch.where(able, change, -torch.ones_like(change))
     return (characters.standing + _CHANGE * change).clamp(0.0, 1.0)
 
@@ -120,12 +124,20 @@ def _places(figure: Figure, goals: Goals) -> tuple[Tensor, Tensor]:
     floor = middle + _ASIDE * scale * sides * left[:, None]
     height = torch.full_like(floor[..., 0], _FLAT * scale)
     ways = math.cos(_OUT) * ahead[:, None] + math.sin(_OUT) * sides * left[:, None]
+    given = _given(goals)[:, None, None]
+    floor, ways = torch.where(given, goals.feet[..., :2], floor), torch.where(given, goals.feet[..., 2:], ways)
     return torch.stack([floor[..., 0], height, floor[..., 1]], -1), ways
 
 
-def _error(figure: Figure, ankle: Tensor, arm: Tensor, places: Tensor, ways: Tensor) -> Tensor:
+def _given(goals: Goals) -> Tensor:
+    """Whether the goal says where feet belong [B]."""
+    return goals.feet[:, 0, 2:].abs().sum(-1) > 0
+
+
+def _error(figure: Figure, goals: Goals, ankle: Tensor, arm: Tensor, places: Tensor, ways: Tensor) -> Tensor:
     """How far each foot [B, 2] is from its place: 1 where it should step."""
-    apart = vector_norm((ankle - places)[..., ::2], dim=-1) / (_MISPLACED[0] * size(figure))
+    apart = vector_norm((ankle - places)[..., ::2], dim=-1) / size(figure)
+    apart = apart / torch.where(_given(goals), apart.new_full((), _EXACTLY), _MISPLACED[0])[:, None]
     raised = (ankle[..., 1] / size(figure) - _FLAT) / _MISPLACED[2]
     return torch.maximum(torch.maximum(apart, raised), _angle(arm[..., ::2], ways).abs() / _MISPLACED[1])
 

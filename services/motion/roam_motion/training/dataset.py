@@ -105,6 +105,7 @@ class Dataset:
             active=self.goal_active[safe] * fixed,
             pose_positions=self.goal_positions[safe],
             pose_orientations=self.goal_orientations[safe],
+            feet=torch.zeros(len(at), 2, 4),
             urgency=torch.zeros(len(at)),
         )
 
