@@ -27,7 +27,7 @@ from roam_motion.models.lnsm.prediction import Prediction
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.library import load_library
 from roam_motion.training.loop import Learner, TrainingConfig, make_learner, train
-from roam_motion.training.motion import EMPHASIS, add_data_options, library_of
+from roam_motion.training.motion import add_data_options, library_of
 from roam_motion.training.parts import WHOLE, Parts
 from roam_motion.training.validation import rollout_scores, starts
 from roam_motion.training.weights import start_poses
@@ -180,7 +180,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         objects[:: max(1, len(objects) // options.limit)][: options.limit], action="sit", remembered=options.poses
     )
     poses = {name.removeprefix("start."): pose for name, pose in start_poses(figure, dataset).items()}
-    dataset = dataset.emphasised(EMPHASIS)
     plan = {"updates": options.updates, "seed": options.seed, "goals": len(goals)}
     ledger = Ledger(options.json, plan, summarise=summarise)
     for name in ledger.pending(options.variants):

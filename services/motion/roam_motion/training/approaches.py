@@ -1,8 +1,8 @@
 """Validation on approaches: do characters lean and balance as people do when they sit down and rise?
 
-The loss and roll-outs from recorded states do not see it: a network that leans 40 degrees inside its data may stay upright
-on arrival, where characters stand still before the seat. So each checkpoint is also judged by what it does when served:
-a few held-out goal poses are walked up to, taken, held and left.
+The loss and roll-outs from recorded states do not see it: a network that leans 40 degrees inside its data may stay
+upright on arrival, where characters stand still before the seat. So each checkpoint is also judged by what it does when
+served: a few held-out goal poses are walked up to, taken, held and left.
 """
 
 import math
@@ -43,9 +43,7 @@ def held_out_goals(figure: Figure, dataset: Dataset, count: int = _CHARACTERS) -
     rows = rows[torch.linspace(0, len(rows) - 1, min(count, len(rows))).long()] if len(rows) else rows
     rotations = figure.rotations(dataset.goal_orientations[rows]) if len(rows) else torch.zeros(0)
     hips = dataset.goal_positions[rows, 0]
-    return [
-        Pose(figure.skeleton, place.numpy(), turns.numpy()) for place, turns in zip(hips, rotations, strict=True)
-    ]
+    return [Pose(figure.skeleton, place.numpy(), turns.numpy()) for place, turns in zip(hips, rotations, strict=True)]
 
 
 def approaches(animator: Animator, poses: list[Pose], seed: int = 0) -> list[Seen]:

@@ -11,13 +11,17 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from roam_motion.animation.features import Goals, Targets
-from roam_motion.animation.figure import Figure
+from roam_motion.animation.figure import Figure, unit
 from roam_motion.animation.state import ACTIONS, FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
 from roam_motion.training.episodes import Episode
 
 _SLOW = 0.3  # [m/s] slower than this is standing
 _LEANS = 0.27  # tangent of the lean (15 degrees) that begins a descent
 _STANDS = 0.85  # [m] hips higher than this
+_NOWHERE = 0.13  # [m] way of a second below which one stands
+_BEFORE_SEAT = 30, 0.35  # frames before the command, and [m] of the root's place then, from which a seat's feet count
+_TOUCHES = 0.04  # [m] hips over the goal's when the seat carries them
+_HANGING = 0.105  # [m] an ankle of a goal pose higher than this does not stand
 _SOONER, _LATER = 8, 4  # frames before and after the command
 _TAIL = 10  # frames that tell how a path goes on
 _PLAN_SMOOTHING = 0.35 * FRAME_RATE  # frames: a planned path knows nothing of the sway of steps
@@ -41,6 +45,7 @@ class Dataset:
     last: Tensor  # [N]
     weight: Tensor  # [N] how often to start here
     quiet: Tensor  # [N] 1 where someone who stands still may begin to sit down
+    feet: Tensor  # [N, 2, 4] where ankles (x, z) and feet (direction) belong before a seat; 0: under the body
     drift: Tensor  # [N, 2] how the path goes on beyond the episode's end [m per frame]
     goal_positions: Tensor  # [G, J, 3]
     goal_orientations: Tensor  # [G, J, 3, 3]
@@ -83,9 +88,14 @@ class Dataset:
             lock_weights=contacts.clone(),
             settled=torch.zeros(batch),
             blend=torch.zeros(batch),
-            standing=torch.zeros(batch),
+            standing=self._stands(at),
             steps=torch.zeros(batch, 2),
         )
+
+    def _stands(self, at: Tensor) -> Tensor:
+        """Who goes nowhere in the second that comes, and is up [B]."""
+        gone = (self.root[self._clamped(at, torch.tensor([FRAME_RATE]))[:, 0], :2] - self.root[at, :2]).norm(dim=-1)
+        return ((gone < _NOWHERE) & (self.hips[at, 1] > _STANDS)).float()
 
     def _clamped(self, at: Tensor, steps: Tensor) -> Tensor:
         return torch.minimum(at[:, None] + steps, self.last[at][:, None])
@@ -113,7 +123,7 @@ class Dataset:
             active=self.goal_active[safe] * fixed,
             pose_positions=self.goal_positions[safe],
             pose_orientations=self.goal_orientations[safe],
-            feet=torch.zeros(len(at), 2, 4),
+            feet=self.feet[at],
             urgency=torch.zeros(len(at)),
         )
 
@@ -177,6 +187,7 @@ def _part(
         "last": torch.full((count,), start + count - 1),
         "weight": torch.as_tensor(weight, dtype=torch.float64).expand(count).clone(),
         "quiet": _quiet(figure, episode, hips, orientations, root),
+        "feet": _feet(figure, episode, hips, orientations, root),
         "drift": _drift(episode, root).expand(count, 2).clone(),
     }
     return part | _goal_part(figure, episode)
@@ -197,6 +208,26 @@ def _quiet(figure: Figure, episode: Episode, hips: Tensor, orientations: Tensor,
     at = torch.arange(count) - int(active[0])
     quiet = stands & (speed < _SLOW) & (leans < _LEANS) & (hips[:, 1] > _STANDS) & (at >= -_SOONER) & (at < _LATER)
     return quiet.float()
+
+
+def _feet(figure: Figure, episode: Episode, hips: Tensor, orientations: Tensor, root: Tensor) -> Tensor:
+    """Where both feet are when the seat carries the body [T, 2, 4], for the frames before a seat and on it."""
+    count, active = len(episode.clip), np.flatnonzero(episode.goal == 0)
+    feet = torch.zeros(count, 2, 4)
+    if not len(active) or active[0] == 0 or episode.intent[active[0]] != ACTIONS.index("sit"):
+        return feet
+    command, told = int(active[0]), int(active[-1]) + 1
+    low = torch.nonzero(hips[command:told, 1] < float(episode.goals[0][0].hips[1]) + _TOUCHES)
+    joints = figure.positions(hips, orientations)[:, figure.contacts].unflatten(1, (2, 2))
+    if not len(low) or float(joints[told - 1, :, 0, 1].max()) > _HANGING:
+        return feet
+    ankles, ways = joints[command + int(low[0])].unbind(1)
+    ways = unit((ways - ankles)[:, ::2])
+    near = (root[:, :2] - root[command, :2]).norm(dim=-1) < _BEFORE_SEAT[1]
+    at = torch.arange(count)
+    near = (near & (at >= command - _BEFORE_SEAT[0])) | (at >= command)
+    feet[near & (at < told)] = torch.cat([ankles[:, ::2], ways], -1)
+    return feet
 
 
 def _drift(episode: Episode, root: Tensor) -> Tensor:

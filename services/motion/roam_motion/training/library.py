@@ -16,7 +16,7 @@ from roam_motion.animation.figure import Figure
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training.balance import GOING, TAKING, balanced, kinds_of_going, kinds_of_taking
 from roam_motion.training.dataset import Dataset, build
-from roam_motion.training.episodes import Episode, interaction, locomotion
+from roam_motion.training.episodes import Episode, locomotion, lying
 from roam_motion.training.goals import Bank, Key, at_origin, read_given
 from roam_motion.training.licences import licence_of
 from roam_motion.training.recordings import Recording, Span, read_folder
@@ -154,15 +154,17 @@ def _episodes(
 def _sits(
     figure: Figure, recordings: list[Recording], bank: Bank, goals: int, rng: np.random.Generator
 ) -> list[Episode]:
-    """Every good way down with any way up, and every good way up with any way down, at so many goals each."""
+    """Every good way down with any way up, and every good way up with any way down, at so many goals each; of clips
+    without a single good one all ways, such as they are."""
     spans = [(r, span) for r in recordings for span in r.spans if span.action == "sit"]
+    good = any(passages(r, span) for r, span in spans)
     made: list[Episode] = []
     for _ in range(goals):
-        found = [way for r, span in spans for way in passages(r, span, float(rng.uniform(*_TEMPO)))]
+        found = [way for r, span in spans for way in passages(r, span, float(rng.uniform(*_TEMPO)), good=good)]
         downs, ups = [w for w in found if not w.up], [w for w in found if w.up]
         pairs = [(down, _any(ups, rng)) for down in downs] + [(_any(downs, rng), up) for up in ups]
         for down, up in pairs:
-            tried = (sitting(figure.skeleton, down, up, bank, rng) for _ in range(_TRIES))
+            tried = (sitting(figure.skeleton, down, up, bank, rng, good=good) for _ in range(_TRIES))
             episode = next((e for e in tried if e is not None), None)
             if episode is not None:
                 made.append(episode)
@@ -179,7 +181,7 @@ def _lies(recordings: list[Recording], banks: dict[str, Bank], goals: int, rng: 
         for number, span in enumerate(recording.spans):
             for _ in range(goals if span.action == "lie" else 0):
                 timed = recording.at_rate(FRAME_RATE, speed=float(rng.uniform(0.9, 1.2)))
-                episode = interaction(timed, timed.spans[number], banks, rng)
+                episode = lying(timed, timed.spans[number], banks, rng)
                 if episode is not None:
                     made.append(episode)
     return made

@@ -120,6 +120,8 @@ def standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: Tensor) 
         lock_weights=torch.ones(count, 4),
         settled=torch.zeros(count),
         blend=torch.zeros(count),
+        standing=torch.ones(count),
+        steps=torch.zeros(count, 2),
     )
 
 

@@ -87,8 +87,8 @@ class _Half:
     touches: int
 
 
-def passages(recording: Recording, span: Span, speed: float = 1.0) -> list[Passage]:
-    """The good ways down and up of one captured sit, at 30 Hz."""
+def passages(recording: Recording, span: Span, speed: float = 1.0, *, good: bool = True) -> list[Passage]:
+    """The `good` (or all) ways down and up of one captured sit, at 30 Hz."""
     timed = recording.at_rate(FRAME_RATE, speed=speed)
     at = timed.spans[recording.spans.index(span)]
     contacts, styles, phase, _ = labelled(timed)
@@ -104,7 +104,8 @@ def passages(recording: Recording, span: Span, speed: float = 1.0) -> list[Passa
         parts = (clip.root_positions, clip.rotations, contacts, styles, turns)
         marks = abs(stands - start), abs(touches - start)
         passage = Passage(timed.name, *(part[pick] for part in parts), *marks, step < 0)
-        if like_people(clip.skeleton, passage.hips, passage.rotations, *marks) and _still(clip.skeleton, passage):
+        alike = not good or like_people(clip.skeleton, passage.hips, passage.rotations, *marks)
+        if alike and (not good or _still(clip.skeleton, passage)):
             out.append(passage)
     return out
 
@@ -139,10 +140,16 @@ def _share(passage: Passage) -> np.ndarray:
 
 
 def sitting(
-    skeleton: Skeleton, down: Passage | None, up: Passage | None, bank: Bank, rng: np.random.Generator
+    skeleton: Skeleton,
+    down: Passage | None,
+    up: Passage | None,
+    bank: Bank,
+    rng: np.random.Generator,
+    *,
+    good: bool = True,
 ) -> Episode | None:
     """An episode that sits down as `down` and rises as `up` (one of them may be missing) at a new goal pose; None
-    where the goal does not suit them."""
+    where the goal does not suit them or, asked for a `good` one, makes them bend as people do not."""
     lead = down or up
     assert lead is not None
     key = _key(lead)
@@ -164,7 +171,7 @@ def sitting(
             slide = float(rng.uniform(0.02, 0.12))
             way = _moved(skeleton, way, goal, slide, rng)
         half = _to_goal(skeleton, way, goal, slide, rng)
-        if not like_people(skeleton, half.hips, half.rotations, half.begins, half.touches):
+        if good and not like_people(skeleton, half.hips, half.rotations, half.begins, half.touches):
             return None
         halves.append(half)
     return _joined(skeleton, lead.name, goal, halves[0], halves[1], rng)
