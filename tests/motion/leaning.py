@@ -17,7 +17,8 @@ def leaning_clip(lean=42.0, rate=30.0):
     down = np.linspace(0, 1, 30)
     share = np.concatenate([np.zeros(60), down * down * (3 - 2 * down), np.ones(60)])
     # The lean is largest at contact and gone a second later.
-    bend = np.concatenate([np.zeros(50), np.sin(np.pi / 2 * np.linspace(0, 1, 38)), np.cos(np.pi / 2 * down), np.zeros(32)])
+    forward, back = np.sin(np.pi / 2 * np.linspace(0, 1, 38)), np.cos(np.pi / 2 * down)
+    bend = np.concatenate([np.zeros(50), forward, back, np.zeros(32)])
     share, bend = (np.concatenate([half, half[::-1]]) for half in (share, bend))
     hips, rotations = [], []
     for sunk, bent in zip(share, bend, strict=True):

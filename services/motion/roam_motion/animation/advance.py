@@ -123,9 +123,7 @@ def cleared(
     return replace(proposal, wanted=wanted, orientations=orientations), pushed
 
 
-def settle(
-    figure: Figure, characters: Characters, proposal: Proposal, pushed: Tensor
-) -> tuple[Characters, Tensor]:
+def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: Tensor) -> tuple[Characters, Tensor]:
     """The characters with their feet planted and their series shifted, and their joints [B, J, 3] [m]."""
     feet = plant(
         figure,

@@ -115,13 +115,14 @@ class Dataset:
         path = self.plan[shown] + torch.cat([beyond, torch.zeros_like(beyond)], -1)
         row = self.goal[at]
         fixed, safe = row >= 0, row.clamp_min(0)
+        active, pose = self.goal_active[safe] * fixed, self.goal_positions[safe]
         keys = torch.where(fixed[:, None, None], self.goal_root[safe][:, None].expand(-1, KEYS, -1), path)
         return Goals(
             positions=keys[..., :2],
             directions=keys[..., 2:],
             action=torch.nn.functional.one_hot(self.intent[at], 4).float(),
-            active=self.goal_active[safe] * fixed,
-            pose_positions=self.goal_positions[safe],
+            active=active,
+            pose_positions=pose,
             pose_orientations=self.goal_orientations[safe],
             feet=self.feet[at],
             urgency=torch.zeros(len(at)),

@@ -25,6 +25,7 @@ _HOLD_WITHIN = 0.15  # [m] planted feet nearer than this to their target are ask
 _TWISTED = math.radians(34)  # a foot turned farther than this from its recorded heading steps
 _STEP_KEEP = 0.80  # of a stepping foot's difference: there in a quarter of a second
 _STEP_LIFT = 0.05  # [m] height of its ankle over the recorded one, when it is 10 cm away or more
+_ON_THE_SPOT = 0.3  # [m] way of a second; feet of who walks on are elsewhere because they are ahead or late
 _UPRIGHT = 0.80  # [m] hips higher than this: who sinks or rises keeps his feet
 
 
@@ -37,7 +38,7 @@ def returning(
     goals: Goals | None = None,
 ) -> Targets:
     """Targets for `characters` (joints at `positions` [B, J, 3]) whose recorded state is `truth` and goes on as
-    `ahead`; feet of those who take no goal pose are made to step where they are twisted or far off."""
+    `ahead`; feet of those who turn on the spot are made to step where they are twisted or far off."""
     own, true_positions = figure.frame(positions), figure.positions(truth.hips, truth.orientations)
     now, then = figure.frame(true_positions), figure.frame(ahead.positions)
     offset = own.origin - now.origin  # [B, 2]
@@ -76,7 +77,8 @@ def _stepping(
     worse = need == need.amax(1, keepdim=True)
     free = positions[:, :1, 1] > _UPRIGHT
     if goals is not None:
-        free = free & (goals.active[:, None] < 0.5)
+        gone = (goals.positions[:, 6] - goals.positions[:, 0]).norm(dim=-1)
+        free = free & ((goals.active < 0.5) & (gone < _ON_THE_SPOT))[:, None]
     return worse & (need > 1) & free
 
 
