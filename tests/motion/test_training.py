@@ -10,7 +10,8 @@ from roam_character.rotation import quat_slerp
 from roam_character.skeleton import humanoid_skeleton
 from roam_motion.animation.features import encode_targets
 from roam_motion.animation.figure import humanoid_figure
-from roam_motion.training import labels, motion
+from roam_motion.animator import Animator
+from roam_motion.training import labels, motion, publish
 from roam_motion.training.dataset import build
 from roam_motion.training.episodes import locomotion
 from roam_motion.training.expert import returning
@@ -156,3 +157,24 @@ def test_twisted_and_displaced_feet_are_asked_to_step_the_worse_one_first():
     lifted = asked.positions[2, right[0]] - ahead.positions[2, right[0]]
     assert 0.03 < float(lifted[1]) < 0.06
     assert -0.2 < float(lifted[0]) < -0.1  # on its way back
+
+
+@pytest.mark.parametrize(("folders_name", "file"), [("clips", "motion"), ("hdm05_clips", "motion-cc-by-sa")])
+def test_weights_are_published_in_a_file_of_their_licence(folder, folders_name, file, tmp_path, monkeypatch):
+    monkeypatch.setattr("roam_motion.training.validation._CHARACTERS", 2)
+    monkeypatch.setattr("roam_motion.training.validation._FRAMES", 4)
+    monkeypatch.setattr("roam_motion.training.approaches._FRAMES", 12)
+    monkeypatch.setattr("roam_motion.training.approaches._LEAVING", 8)
+    clips = folder.rename(tmp_path / folders_name)
+    run, cache, weights = tmp_path / "run", ["--cache", str(tmp_path / "cache")], tmp_path / "weights"
+    small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]
+    asked = ["--share-alike"] if file != "motion" else []
+    assert motion.main(["--bvh", str(clips), "--out", str(run), *cache, *small, *asked, "--minutes", "0.01"]) == 0
+    assert publish.main([str(run / "best.pt"), "--weights", str(weights), *cache]) == 0
+    assert [path.name for path in weights.glob("*.safetensors")] == [f"{file}.safetensors"]
+    entry = json.loads((weights / "manifest.json").read_text())[f"{file}.safetensors"]
+    assert entry["licence"] == ("CC-BY-SA-3.0" if asked else "Apache-2.0")
+    assert entry["data"]["folders"] == [folders_name]
+    assert entry["data"]["rejects"] == 1
+    assert sum(entry["data"]["train"]["shares_percent"].values()) == pytest.approx(100, abs=1)
+    assert Animator.load(weights / f"{file}.safetensors").figure is FIGURE

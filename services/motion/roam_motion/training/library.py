@@ -27,7 +27,7 @@ _CHAIR = 0.38, 0.58  # [m] seat heights of ordinary chairs
 _HIPS_OVER_SEAT = 0.145  # [m]
 _TEMPO = 0.85, 1.1  # captured ways down and up are played so many times as fast
 _TRIES = 3  # goals tried for an episode until one suits
-_VERSION = 5  # of the cached form
+_VERSION = 6  # of the cached form
 _OWN_HELD_OUT = (
     *("mm_", "acted_014", "genuine_014", "running_1_test"),
     *("113_15", "14_28", "14_32", "13_05", "19_12", "22_03", "111_10"),
@@ -42,7 +42,7 @@ class LibraryConfig:
     folders: tuple[str, ...]
     goals: str | None = None  # folder of goal poses that the goal-pose service made
     seed: int = 0
-    goals_per_sit: int = 16  # goal poses that every captured way down and way up is brought to
+    goals_per_sit: int = 20  # goal poses that every captured way down and way up is brought to
     goals_per_lie: int = 8
     interaction_share: float = 0.55  # of drawn frames; captured share is about a tenth
     lie_share: float = 0.12  # of the drawn interaction frames
