@@ -18,6 +18,7 @@ from roam_motion.animation.rows import row_width, split_array
 from roam_motion.animation.state import ACTIONS, FRAME_RATE, KEYS
 from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
+from roam_motion.control.pace import followed
 from roam_motion.control.paths import way
 from roam_motion.control.planner import Aim, Plan, Steering, Target, follow, plan_keys, wrap
 from roam_motion.control.reclining import Reclining, reclining_of
@@ -216,9 +217,8 @@ def _aim(figure: Figure, state: Control, intent: Intent) -> Aim:
         outlines = outlines_of(figure, intent)
         return Target(x, z, math.atan2(dx, dz), way((state.plan.x, state.plan.z), (x, z), (dx, dz), outlines))
     if isinstance(intent, Steer):
-        velocity = np.asarray(intent.velocity, float)
         turn = None if intent.facing is None else math.atan2(*map(float, intent.facing))
-        return Steering(float(velocity[0]), float(velocity[1]), turn)
+        return Steering(*followed(intent), turn)
     assert isinstance(intent, Idle | Goal)
     return Steering(0.0, 0.0, None)
 
