@@ -11,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from roam_motion.animation.collision import near
 from roam_motion.animation.features import goal_shapes
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.rows import row_width, split_array
 from roam_motion.animation.state import ACTIONS, FRAME_RATE, KEYS
 from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
+from roam_motion.control.pace import followed
 from roam_motion.control.paths import way
 from roam_motion.control.planner import Aim, Plan, Steering, Target, follow, plan_keys, wrap
 from roam_motion.control.reclining import Reclining, reclining_of
@@ -98,7 +100,7 @@ def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Cont
     if state.mode != FREE and state.seat is not None and state.seat.lying:
         state = _reclined(reclining_of(figure, state.seat), state, body)
     if state.mode == RISE and state.along == 0 and (_stands(state, body) or state.since > _RISE_LIMIT):
-        state = Control(Plan(body.x, body.z, yaw=body.yaw), clock=state.clock)
+        state = Control(Plan(body.x, body.z, yaw=body.yaw), seat=state.seat, clock=state.clock)
     return _approach(figure, state, intent, body) if state.mode == FREE else state
 
 
@@ -109,15 +111,15 @@ def _walks(figure: Figure, states: Sequence[Control], aims: Sequence[Aim], bodie
     alike = (directions[:, 4] * directions[:, 0]).sum(1).tolist()
     idle, walk = ACTIONS.index("idle"), ACTIONS.index("walk")
     commands = []
-    for row, (state, body) in enumerate(zip(states, bodies, strict=True)):
+    for row, (state, aim, body) in enumerate(zip(states, aims, bodies, strict=True)):
         plan = state.plan
         x, z = _over_feet(body)
         still = gone[row] < 0.1 and alike[row] > 0.95
         # Off balance, or still under way: take a step.
         still = still and math.hypot(plan.vx, plan.vz) < 0.15
         still = still and math.hypot(x - body.x, z - body.z) < _BALANCED
-        near = state.seat if state.seat is not None and _before(state.seat, body, *_CLOSE) else None
-        feet = None if near is None else footing(figure, near)
+        arriving = isinstance(aim, Target) and state.seat is not None and _before(state.seat, body, *_CLOSE)
+        feet = footing(figure, state.seat) if arriving else None
         commands.append(Command(places[row], directions[row], idle if still else walk, False, feet=feet))
     return commands
 
@@ -187,9 +189,13 @@ def _stands(state: Control, body: Body) -> bool:
 
 
 def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
-    """Keeps the seat of the goal in mind, and begins the interaction on arrival."""
+    """Keeps the seat of the goal in mind, and begins the interaction on arrival.
+
+    The seat that somebody has left stays in mind as long as limbs can touch it.
+    """
     if not isinstance(intent, Goal):
-        return state if state.seat is None and not state.waiting else state._replace(seat=None, waiting=0)
+        touches = state.seat is not None and state.seat.volume is not None and near(state.seat.volume, body.x, body.z)
+        return state if touches else state._replace(seat=None, waiting=0)
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
         seat = seat_of(figure, intent, (body.x, body.z))
@@ -211,9 +217,8 @@ def _aim(figure: Figure, state: Control, intent: Intent) -> Aim:
         outlines = outlines_of(figure, intent)
         return Target(x, z, math.atan2(dx, dz), way((state.plan.x, state.plan.z), (x, z), (dx, dz), outlines))
     if isinstance(intent, Steer):
-        velocity = np.asarray(intent.velocity, float)
         turn = None if intent.facing is None else math.atan2(*map(float, intent.facing))
-        return Steering(float(velocity[0]), float(velocity[1]), turn)
+        return Steering(*followed(intent), turn)
     assert isinstance(intent, Idle | Goal)
     return Steering(0.0, 0.0, None)
 
