@@ -150,10 +150,10 @@ def _noisy(skeleton: Skeleton, rotations: np.ndarray, rng: np.random.Generator, 
 def _feet(skeleton: Skeleton, height: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Ankle targets [2, 3] and foot yaws [2] for hips at a height, within reach of the legs."""
     farthest = np.sqrt(max(0.80**2 - (height - 0.14) ** 2, 0.05))
-    ahead = rng.uniform(0.20, min(0.60, farthest))
+    ahead = rng.uniform(0.28, min(0.62, farthest))
     out = np.zeros((2, 3), np.float32)
     for side, sign in enumerate((1.0, -1.0)):
-        forward = np.clip(ahead + rng.normal() * 0.05, 0.16, farthest)
+        forward = np.clip(ahead + rng.normal() * 0.05, 0.2, farthest)
         out[side] = (sign * np.clip(rng.normal(0.12, 0.04), 0.06, 0.24), 0.0805, forward)
     yaws = np.deg2rad(np.array([rng.normal(8, 8), rng.normal(-8, 8)]))
     return out, yaws

@@ -38,7 +38,6 @@ from roam_motion.training.recordings import Recording, Span
 
 _FARTHEST = 0.30  # [m] ankles in front of the landing hips
 _NEAREST = 0.16
-_SLIDES, _LONGEST_SLIDE = 0.5, 0.30  # so often the feet are at their places before, and all is done by a slide [m]
 _SETTLE = 18, 31  # frames from contact until the goal pose is taken
 _STEP = 12  # frames of a step to or from the goal's place
 _LIFT = 0.035  # [m] its height
@@ -169,7 +168,7 @@ def sitting(
     if any(abs(goal.hips[1] - _key(way).hips[1]) > _TALLER for way in (down, up) if way is not None):
         return None
     stretch = _stretch(skeleton, goal, key)
-    slide = min(stretch, _LONGEST_SLIDE if rng.random() < _SLIDES else float(rng.uniform(0.04, 0.18)))
+    slide = min(stretch, float(rng.uniform(0.04, 0.18)))
     goal = aligned(skeleton, goal, key, rng, by_feet=True)
     forward = yaw_direction(np.float32(key_yaw(skeleton, goal)))
     # What neither the landing nor the slide covers, the feet step out by: they are that much nearer before.
