@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from roam_motion.animation.features import Goals
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import Characters
 from roam_motion.animation.stepping import Steps, halted, pose_feet, rise, standing_height, step

@@ -17,12 +17,14 @@ from torch import Tensor
 from roam_motion.animation.blending import WHOLE, Blending
 from roam_motion.animation.collision import Furniture, furniture_of, near
 from roam_motion.animation.figure import Figure, humanoid_figure
+from roam_motion.animation.living import WIDTH as LIFE
+from roam_motion.animation.manner import drawn
 from roam_motion.animation.rows import split_array
 from roam_motion.animation.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
 from roam_motion.control.controller import INTERACT, Body, Control, control, goals_of
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.planner import Plan
-from roam_motion.control.seat import Seat
+from roam_motion.control.seat import Seat, resting
 from roam_motion.graphs import Graphs, Shown
 from roam_motion.models.lnsm.network import MotionNetwork, NetworkConfig, Normaliser
 from roam_motion.models.lnsm.prediction import Prediction
@@ -153,7 +155,7 @@ class Animator:
         orientations = (turn @ self._starts["orientations"][pick])[None]
         x, z = float(position_xz[0]), float(position_xz[1])
         hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
-        batch = _standing(self.figure, hips, orientations, float(rng.random()))
+        batch = _standing(self.figure, hips, orientations, float(rng.random()), drawn(seed))
         return CharacterState(batch.rows()[0].numpy(), Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
     def warmed(self) -> "Animator":
@@ -170,14 +172,15 @@ class Animator:
             return []
         rows = np.stack([state.row for state in states])
         bodies = [
-            Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in self._graphs.bodies(rows)
+            Body(x, z, math.atan2(dx, dz), height, (a, b), tuple(manner))
+            for x, z, dx, dz, height, a, b, *manner in self._graphs.bodies(rows)
         ]
         memories, commands = control(self.figure, [state.control for state in states], intents, bodies)
         if not self._blending.settling:
             commands = [command._replace(urgency=0.0) for command in commands]
-        goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
+        goals, life = goals_of(self.figure, commands), _life(self.figure, memories, intents)
         settled = split_array(rows, shapes_of(rows.shape[1]))["settled"]
-        shown = self._graphs.step(rows, goals, clock, _around(memories, bodies, settled))
+        shown = self._graphs.step(rows, goals, life, _around(memories, bodies, settled))
         frames = _frames(shown, memories)
         after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
@@ -189,6 +192,18 @@ def _frames(shown: Shown, memories: Sequence[Control]) -> list[FrameData]:
     actions = [ACTIONS[int(style)] for style in shown.style]
     numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
     return [FrameData(*parts) for parts in zip(*numbers, actions, gaps, strict=True)]
+
+
+def _life(figure: Figure, memories: Sequence[Control], intents: Sequence[Intent]) -> np.ndarray:
+    """What the living idle is told: a row of `Life` for every character [B, 8]."""
+    rows = np.zeros((len(memories), LIFE), np.float32)
+    for row, memory, intent in zip(rows, memories, intents, strict=True):
+        row[0] = memory.clock
+        if memory.mode == INTERACT and memory.seat is not None:
+            row[1:4] = resting(figure, memory.seat)
+        if intent.look_at is not None:
+            row[4:7], row[7] = intent.look_at, 1
+    return rows
 
 
 def _gap(memory: Control, positions: np.ndarray, apart: np.ndarray) -> float | None:
@@ -223,7 +238,7 @@ def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
 
 
-def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:
+def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float, manner: np.ndarray) -> Characters:
     """A batch of one that has stood still for a second."""
     positions = figure.positions(hips, orientations)
     frame = figure.frame(positions)
@@ -242,4 +257,6 @@ def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) 
         blend=torch.zeros(1),
         standing=torch.zeros(1),
         steps=torch.zeros(1, 2),
+        manner=torch.from_numpy(manner)[None],
+        gaze=torch.zeros(1, 3),
     )

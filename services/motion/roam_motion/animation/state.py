@@ -6,6 +6,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from roam_motion.animation.manner import NAMES
 from roam_motion.animation.rows import join, split_tensor
 
 FRAME_RATE = 30  # [Hz]
@@ -15,7 +16,7 @@ FUTURE = 6  # keys after now: +1/6 s to +1 s
 KEYS = 13
 ACTIONS = ("idle", "walk", "sit", "lie")
 _STROLL = 0.5, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
-_ALONE, _OF_JOINT = 361, 12  # numbers of a character: without joints, and of every joint
+_ALONE, _OF_JOINT = 371, 12  # numbers of a character: without joints, and of every joint
 
 
 @dataclass
@@ -34,6 +35,8 @@ class Characters:
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
     standing: Tensor  # [B] 0 going .. 1 standing, where feet step by rule (see stepping.py)
     steps: Tensor  # [B, 2] share of its step by rule that a foot has behind it, 0 on the ground
+    manner: Tensor  # [B, 7] who it is (see manner.py); never changes
+    gaze: Tensor  # [B, 3] yaw and pitch of the head against the body [rad], and how much a look is being held, 0..1
 
     @staticmethod
     def of(rows: Tensor) -> "Characters":
@@ -67,6 +70,8 @@ def shapes_of(width: int) -> dict[str, tuple[int, ...]]:
         "blend": (),
         "standing": (),
         "steps": (2,),
+        "manner": (len(NAMES),),
+        "gaze": (3,),
     }
 
 

@@ -14,7 +14,7 @@ from roam_character.pose import Pose
 from roam_character.rotation import quat_to_matrix
 from roam_character.volume import Volume
 
-from roam_motion.animation.collision import furniture_of, goal_depths
+from roam_motion.animation.collision import furniture_of, goal_depths, limbs_of
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.proportions import size
 from roam_motion.animation.stepping import BEHIND, pose_feet
@@ -28,6 +28,7 @@ _SEAT_ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and 
 _LOPSIDED = 0.10  # [m] difference between the furniture's two sides that tells where its back is
 _WALL = 0.12, 0.2, 0.28  # [m] over lying hips: nothing that one sits down or climbs across
 _WALL_STEP = 0.06  # [m] between the places that are looked at: no board is so thin that it is overlooked
+_FOREARM = 4  # last samples of an arm: forearm and hand
 _LYING_ROOM = 0.15  # [m] kept clear around a lying pose
 
 
@@ -145,6 +146,17 @@ def _lying(figure: Figure, goal: Goal, left: float) -> Seat:
     ahead = max(_LIE_ASIDE, edge(_pair(root[:2]), _pair(side), goal.obstacles) + _CALVES)
     stand = np.concatenate([root[:2] + ahead * side, side]).astype(np.float32)
     return Seat(positions, orientations, root, stand, True, goal.volume, _depths(figure, goal))
+
+
+@lru_cache(maxsize=512)
+def resting(figure: Figure, seat: Seat) -> tuple[float, float, float]:
+    """Whether left hand, right hand and back rest on the furniture (1) or not (0); where it is not known they do."""
+    if seat.depths is None:
+        return 1.0, 1.0, 1.0
+    limbs = limbs_of(figure)
+    left, right = seat.depths[: 2 * limbs.arm_samples].reshape(2, -1)[:, -_FOREARM:]
+    back = seat.depths[-len(limbs.trunk) :]
+    return float(left.max() > 0), float(right.max() > 0), float(back.max() > 0)
 
 
 def _depths(figure: Figure, goal: Goal) -> np.ndarray | None:

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from roam_motion.animation.features import Goals, Targets
 from roam_motion.animation.figure import Figure, unit
+from roam_motion.animation.manner import NAMES
 from roam_motion.animation.state import ACTIONS, FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
 from roam_motion.training.episodes import Episode
 
@@ -90,6 +91,8 @@ class Dataset:
             blend=torch.zeros(batch),
             standing=self._stands(at),
             steps=torch.zeros(batch, 2),
+            manner=torch.zeros(batch, len(NAMES)),
+            gaze=torch.zeros(batch, 3),
         )
 
     def _stands(self, at: Tensor) -> Tensor:

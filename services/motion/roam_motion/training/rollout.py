@@ -13,6 +13,7 @@ from torch import Tensor
 from roam_motion.animation.advance import Predict, advance
 from roam_motion.animation.features import Inputs, encode, encode_targets
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.manner import NAMES
 from roam_motion.animation.state import FUTURE, PAST, Characters
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.expert import returning
@@ -122,6 +123,8 @@ def standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: Tensor) 
         blend=torch.zeros(count),
         standing=torch.ones(count),
         steps=torch.zeros(count, 2),
+        manner=torch.zeros(count, len(NAMES)),
+        gaze=torch.zeros(count, 3),
     )
 
 
