@@ -6,7 +6,7 @@ import torch
 from roam_motion.animation.advance import advance
 from roam_motion.animation.blending import WHOLE
 from roam_motion.animation.features import Goals, network_config
-from roam_motion.animation.living import alive, stillness
+from roam_motion.animation.living import WIDTH, Life, alive, gazed
 from roam_motion.animation.rows import join, split_array, split_tensor
 from roam_motion.animation.state import Characters, characters_width
 from roam_motion.animation.swing import swinging, walking
@@ -31,19 +31,18 @@ def test_graphs_do_what_the_step_of_training_does(count):
     seat = seat_of(figure, Goal(seated_pose(ahead=0.2)), (0.0, 0.0))
     places, directions = np.full((13, 2), 0.4, np.float32), np.tile(np.float32([0.0, 1.0]), (13, 1))
     commands = [Command(places, directions, 1 + i % 2, bool(i % 2), seat if i % 2 else None) for i in range(count)]
-    rows, goals, clock = (
-        np.stack([s.row for s in states]),
-        goals_of(figure, commands),
-        [s.control.clock for s in states],
-    )
-    shown = Graphs(figure, prediction, WHOLE).step(rows, goals, clock, None)
+    rows, goals = np.stack([s.row for s in states]), goals_of(figure, commands)
+    life = np.random.default_rng(0).random((count, WIDTH)).astype(np.float32)
+    shown = Graphs(figure, prediction, WHOLE).step(rows, goals, life, None)
     with torch.no_grad():
         characters = Characters.of(torch.from_numpy(rows))
         after, joints, _ = advance(
             figure, prediction, characters, Goals.of(torch.from_numpy(goals), figure.joint_count)
         )
-        orientations = swinging(figure, joints, after.orientations, walking(after))
-        orientations = alive(figure, orientations, stillness(after), torch.tensor(clock))
+        told = Life.of(torch.from_numpy(life))
+        after.gaze = gazed(figure, after, joints, told)
+        orientations = swinging(figure, joints, after.orientations, walking(after), after.manner)
+        orientations = alive(figure, after, orientations, told)
     np.testing.assert_allclose(shown.rows, after.rows(), atol=2e-4)
     np.testing.assert_allclose(shown.positions, figure.positions(after.hips, orientations), atol=1e-5)
     np.testing.assert_allclose(shown.snorm16 / 32767, shown.rotations, atol=2e-5)

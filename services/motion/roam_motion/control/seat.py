@@ -23,6 +23,8 @@ from roam_motion.control.paths import Outline, Place, edge
 
 _LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
 _CALVES = 0.16  # [m] standing place in front of the furniture's edge
+_BALANCED = 0.34  # [m] ankles before the goal's hips at most when one sits down: seated people's 0.18 / 0.25 / 0.34
+_TUCK = 0.10  # [m] that feet are set down nearer to the seat than the goal has them, at most; later they step out
 _STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most
 _SEAT_ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and up to here behind the ankles
 _LOPSIDED = 0.10  # [m] difference between the furniture's two sides that tells where its back is
@@ -117,8 +119,9 @@ def _sitting(figure: Figure, goal: Goal) -> Seat:
     positions, orientations, root = _posture(figure, goal)
     hips, facing = root[:2], root[2:]
     feet = _ankles(figure, positions) + BEHIND * size(figure) * facing
-    short = edge(_pair(hips), _pair(facing), goal.obstacles) + _CALVES - float((feet - hips) @ facing)
-    place = feet + min(max(short, 0.0), _STEP_BACK) * facing
+    ahead, least = float((feet - hips) @ facing), edge(_pair(hips), _pair(facing), goal.obstacles) + _CALVES
+    balanced = max(least, (_BALANCED + BEHIND) * size(figure))
+    place = feet + (min(max(ahead, least), ahead + _STEP_BACK, max(balanced, ahead - _TUCK)) - ahead) * facing
     stand = np.concatenate([place, facing]).astype(np.float32)
     return Seat(positions, orientations, root, stand, False, goal.volume, _depths(figure, goal))
 
@@ -133,7 +136,7 @@ def footing(figure: Figure, seat: Seat) -> np.ndarray | None:
     if seat.lying or not feet.any():
         return None
     place, facing = seat.stand[:2] - BEHIND * size(figure) * seat.stand[2:], seat.stand[2:]
-    out = max(float((place - feet[:, :2].mean(0)) @ facing), 0.0)
+    out = max(float((place - feet[:, :2].mean(0)) @ facing), -_TUCK * size(figure))
     feet[:, :2] += out * facing
     return np.asarray(feet)
 
