@@ -52,7 +52,7 @@ def approaches(animator: Animator, poses: list[Pose], seed: int = 0) -> list[See
     states = []
     for number, pose in enumerate(poses):
         angle = pose.yaw() + rng.uniform(-_SIDE, _SIDE)
-        x, _, z = pose.root_position + rng.uniform(*_AWAY) * np.asarray(yaw_direction(np.float64(angle)))
+        x, _, z = pose.root_position + rng.uniform(*_AWAY) * np.asarray(yaw_direction(np.asarray(angle)))
         states.append(animator.start((float(x), float(z)), angle + math.pi, number))
     goals = [Goal(pose, "sit") for pose in poses]
     shown: list[list[FrameData]] = []

@@ -5,7 +5,7 @@ Left and right are exchanged when a batch is learned from (mirror.py), not here.
 
 import hashlib
 import json
-from collections import Counter
+from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -220,7 +220,7 @@ def _balanced(
     }
     episodes: list[Episode] = []
     weights: list[np.ndarray] = []
-    shares: Counter[str] = Counter()
+    shares: dict[str, float] = defaultdict(float)
     for name, (group, share, names) in groups.items():
         kinds = [(kinds_of_taking if name else kinds_of_going)(episode) for episode in group]
         own = [share * w for w in balanced(kinds, names)]

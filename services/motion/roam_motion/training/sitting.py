@@ -14,7 +14,7 @@ seat with their weight still over the feet, and only then settle back. So
 Descents and rises that do not lean or balance as people do (captured on high stools, or bent too far) are left out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from roam_character.clip import Clip
@@ -104,9 +104,9 @@ def passages(recording: Recording, span: Span, speed: float = 1.0, *, good: bool
         if stands is None or abs(touches - stands) < 10 or abs(end - touches) < 2:
             continue
         pick = np.arange(start, end + step, step)
-        parts = (clip.root_positions, clip.rotations, contacts, styles, turns)
         marks = abs(stands - start), abs(touches - start)
-        passage = Passage(timed.name, *(part[pick] for part in parts), *marks, step < 0)
+        whole = Passage(timed.name, clip.root_positions, clip.rotations, contacts, styles, turns, *marks, up=step < 0)
+        passage = _picked(whole, pick)
         least = _SOURCE_LEAN[passage.up]
         alike = not good or like_people(clip.skeleton, passage.hips, passage.rotations, *marks, least)
         if alike and (not good or _still(clip.skeleton, passage)):
@@ -170,10 +170,10 @@ def sitting(
     stretch = _stretch(skeleton, goal, key)
     slide = min(stretch, float(rng.uniform(0.04, 0.18)))
     goal = aligned(skeleton, goal, key, rng, by_feet=True)
-    forward = yaw_direction(np.float32(key_yaw(skeleton, goal)))
+    forward = _forward(skeleton, goal)
     # What neither the landing nor the slide covers, the feet step out by: they are that much nearer before.
     goal = Key((goal.hips + (stretch - slide) * forward).astype(np.float32), goal.rotations)
-    halves = []
+    halves: list[_Half | None] = []
     for way in (down, up):
         if way is None:
             halves.append(None)
@@ -188,13 +188,18 @@ def sitting(
     return _joined(skeleton, lead.name, goal, halves[0], halves[1], rng)
 
 
+def _forward(skeleton: Skeleton, key: Key) -> np.ndarray:
+    """The direction on the floor [3] that a key pose faces."""
+    return np.asarray(yaw_direction(np.asarray(key_yaw(skeleton, key), np.float32)))
+
+
 def _key(way: Passage) -> Key:
     return Key(way.hips[way.touches], way.rotations[way.touches])
 
 
 def _ahead(skeleton: Skeleton, key: Key) -> float:
     """How far the ankles are in front of the hips [m]."""
-    forward = yaw_direction(np.float32(key_yaw(skeleton, key)))
+    forward = _forward(skeleton, key)
     return float((ankles(skeleton, key).mean(0) - key.hips) @ forward)
 
 
@@ -208,24 +213,26 @@ def _moved(skeleton: Skeleton, way: Passage, goal: Key, slide: float, rng: np.ra
     """A passage carried to the goal: its seated hips `slide` [m] in front of the goal's, facing alike."""
     key = _key(way)
     turn = key_yaw(skeleton, goal) - key_yaw(skeleton, key) + np.deg2rad(rng.normal() * 4)
-    spin = quat_from_yaw(np.float32(turn))
+    spin = quat_from_yaw(np.asarray(turn, np.float32))
     offset = np.append(rng.normal(size=2) * 0.02, 0.0)[[0, 2, 1]]
     pivot = np.array([key.hips[0], 0, key.hips[2]], np.float32)
     target = np.array([goal.hips[0], 0, goal.hips[2]], np.float32) + offset
-    target = target + slide * yaw_direction(np.float32(key_yaw(skeleton, goal)))
+    target = target + slide * _forward(skeleton, goal)
     hips = quat_rotate(np.broadcast_to(spin, (len(way), 4)), way.hips - pivot) + target
     rotations = way.rotations.copy()
     rotations[:, 0] = quat_mul(spin, rotations[:, 0])
-    return Passage(
-        way.name,
-        hips.astype(np.float32),
-        rotations.astype(np.float32),
-        way.contacts,
-        way.styles,
-        way.turns,
-        way.begins,
-        way.touches,
-        way.up,
+    return replace(way, hips=hips.astype(np.float32), rotations=rotations.astype(np.float32))
+
+
+def _picked(way: Passage, pick: np.ndarray) -> Passage:
+    """The passage with frames `pick` [T] of all its tracks."""
+    return replace(
+        way,
+        hips=way.hips[pick],
+        rotations=way.rotations[pick],
+        contacts=way.contacts[pick],
+        styles=way.styles[pick],
+        turns=way.turns[pick],
     )
 
 
@@ -236,7 +243,7 @@ def _to_goal(skeleton: Skeleton, way: Passage, goal: Key, slide: float, rng: np.
     way = _lengthened(way, way.touches + hold)
     key, share, since = _key(way), _share(way), np.arange(len(way)) - way.touches
     taken = smooth(since / settle)[:, None]
-    forward = yaw_direction(np.float32(key_yaw(skeleton, goal)))
+    forward = _forward(skeleton, goal)
     landing = goal.hips - key.hips + slide * forward * np.array([1, 0, 1], np.float32)
     lives = _LIVING * smooth((hold - 12 - since) / 12)[:, None]
     held = goal.hips + lives * (way.hips - key.hips)
@@ -256,8 +263,7 @@ def _lengthened(way: Passage, last: int) -> Passage:
     while len(pick) <= last:
         pick = np.append(pick, extra if len(extra) else [count - 1])
     pick = pick[: last + 1]
-    parts = (way.hips, way.rotations, way.contacts, way.styles, way.turns)
-    return Passage(way.name, *(part[pick] for part in parts), way.begins, way.touches, way.up)
+    return _picked(way, pick)
 
 
 def _turned(
