@@ -38,6 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     library = LibraryConfig(**kept)
     figure = humanoid_figure()
     dataset, _, summary = load_library(figure, library, options.cache)
+    state = torch.load(options.checkpoint, weights_only=True)
     licence = str(summary["licence"])
     name = FILES[licence]
     path = options.weights / name
@@ -49,7 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         "skeleton": figure.skeleton.id,
         "data": {"folders": [Path(f).name for f in library.folders], **_counted(summary)},
         "recipe": {k: v for k, v in run.items() if k not in ("library", "data")},
-        "updates": torch.load(options.checkpoint, weights_only=True)["updates"],
+        "updates": state["updates"],
+        "trained_minutes": round(state["seconds"] / 60, 1),
         "validation": scores,
     }
     if options.measured:
