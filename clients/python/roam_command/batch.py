@@ -13,6 +13,7 @@ from roam_client.skeleton import Skeleton
 from roam_command import batch_engines
 from roam_command.batch_ledger import Ending, Ledger
 from roam_command.batch_work import Order
+from roam_command.installation import services_module
 from roam_command.option_groups import grouped
 from roam_command.options import JsonOption, Wish
 from roam_command.reports import UsageError, centimetres, progress_bar, reported, stderr
@@ -78,15 +79,9 @@ def furniture_files(folder: Path, output: Path) -> list[Path]:
 
 def _skeleton() -> Skeleton:
     """The figure of the reference poses. UsageError when the services are not installed."""
-    try:
-        from roam_character.body import body_capsules
-        from roam_character.skeleton import humanoid_skeleton
-        from roam_serving.skeletons import skeleton_message
-    except ModuleNotFoundError as error:
-        raise UsageError(
-            f"`roam batch` computes in this process, and {error.name} is not installed",
-            remedy="Install the services: scripts/install in a checkout.",
-        ) from error
+    body_capsules = services_module("roam_character.body", wanted_by="`roam batch`").body_capsules
+    humanoid_skeleton = services_module("roam_character.skeleton", wanted_by="`roam batch`").humanoid_skeleton
+    skeleton_message = services_module("roam_serving.skeletons", wanted_by="`roam batch`").skeleton_message
     figure = humanoid_skeleton()
     return Skeleton.from_message(skeleton_message(figure, body_capsules(figure)).skeleton)
 

@@ -7,6 +7,7 @@ import numpy as np
 from roam_client import GoalPose, Motion, Object
 from roam_client.objects import format_of
 
+from roam_command.installation import INSTALL
 from roam_command.reports import UsageError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def write_pose(path: Path, goal: GoalPose, *, source: Path, object: Object) -> N
     if path.suffix.lower() != ".glb":
         goal.save(path)
         return
-    glb, pose = _needed(path, "roam_character.formats.glb"), _needed(path, "character.pose")
+    glb, pose = _needed(path, "roam_character.formats.glb"), _needed(path, "roam_character.pose")
     skeleton = _skeleton(path, goal)
     content = pose.Pose(skeleton, goal.root_position, goal.rotations)
     glb.write_glb(path, content, mesh=read_mesh(source, object))
@@ -87,5 +88,5 @@ def _needed(path: Path, module: str) -> Any:
     except ModuleNotFoundError as error:
         raise UsageError(
             f"writing {path.name} needs the services' exporters, and {error.name} is not installed",
-            remedy="Write .npz or .json, or install the services: scripts/install in a checkout.",
+            remedy=f"Write .npz or .json, or {INSTALL}.",
         ) from error

@@ -15,7 +15,9 @@ from roam_character.skeleton import humanoid_skeleton
 from roam_serving.errors import NOT_READY, ServiceError
 from roam_serving.metrics import Metrics
 from roam_serving.readiness import Readiness
-from roam_serving.server import Addresses, running, serve
+from roam_serving.server import Addresses, running
+from roam_serving.server import main as run
+from roam_serving.shipped import WEIGHTS, weights_of
 from roam_serving.skeletons import skeleton_message
 
 from roam_motion.animator import Animator
@@ -29,7 +31,7 @@ from roam_motion.session.store.base import SessionStore
 from roam_motion.session.store.redis import RedisStore
 from roam_motion.settings import MotionSettings
 
-SHIPPED_WEIGHTS = Path(__file__).parents[3] / "weights" / "motion.safetensors"
+SHIPPED_WEIGHTS = WEIGHTS / "motion.safetensors"
 
 
 def _load(weights: Path, settings: MotionSettings) -> tuple[Animator, StepProcess | None]:
@@ -81,7 +83,8 @@ class MotionService:
         weights = Path(self._settings.motion_weights) if self._settings.motion_weights else SHIPPED_WEIGHTS
         if not weights.exists():
             raise FileNotFoundError(f"no motion weights at {weights}; train them with `roam train motion`")
-        animator, self._stepping = await asyncio.to_thread(_load, weights, self._settings)
+        with weights_of("the motion network", weights):
+            animator, self._stepping = await asyncio.to_thread(_load, weights, self._settings)
         digest = f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
         self._models = {"motion": digest}
         header = self.skeletons[0].skeleton
@@ -135,8 +138,7 @@ def motion_server(settings: MotionSettings | None = None) -> AbstractAsyncContex
 
 def main() -> None:
     """`python -m roam_motion.app`; see --help."""
-    settings = MotionSettings(_cli_parse_args=True, _cli_prog_name="python -m roam_motion.app")
-    serve([MotionService(settings)], settings)
+    run(MotionSettings, MotionService, program="python -m roam_motion.app")
 
 
 if __name__ == "__main__":
