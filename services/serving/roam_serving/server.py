@@ -37,7 +37,7 @@ _GRPC_OPTIONS = [
     ("grpc.so_reuseport", 0),  # a second server on the same port must fail, not share it
     ("grpc.keepalive_time_ms", 20_000),  # notice clients that vanished without a word
     ("grpc.keepalive_timeout_ms", 10_000),
-    ("grpc.http2.min_recv_ping_interval_without_data_ms", 5_000),  # let clients do the same
+    ("grpc.http2.min_ping_interval_without_data_ms", 5_000),  # let clients do the same
 ]
 
 
