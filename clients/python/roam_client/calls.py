@@ -25,8 +25,6 @@ MOTION = "motion"
 
 RETRY_SECONDS = 10.0  # a server that was there and is not any more is looked for this long
 ATTEMPT_SECONDS = 3.0  # a short call without an answer by then is tried elsewhere; each further try gets twice that
-    3.0  # a short call that is silent for so long is tried elsewhere; each further attempt gets twice that
-)
 
 
 @dataclass(frozen=True)
