@@ -312,9 +312,10 @@ def checkpoint(run: Path, learner: Learner, scores: dict[str, float]) -> None:
         file.write(json.dumps({"updates": learner.updates, "seconds": learner.seconds, **scores}) + "\n")
     best = run / "best.json"
     if not best.exists() or scores["score"] < json.loads(best.read_text())["score"]:
-        best.write_text(json.dumps({"updates": learner.updates, **scores}))
         torch.save(state, run / "best.tmp")
         (run / "best.tmp").replace(run / "best.pt")
+        (run / "best.json.tmp").write_text(json.dumps({"updates": learner.updates, **scores}))
+        (run / "best.json.tmp").replace(best)  # last: whoever reads the score finds the weights that reached it
 
 
 def config_json(config: TrainingConfig, extra: dict[str, object]) -> str:
