@@ -34,5 +34,5 @@ def test_commands_in_the_readme_exist() -> None:
 
 @pytest.mark.parametrize("settings", [ServerSettings, GoalPoseSettings, MotionSettings])
 def test_every_setting_is_documented(settings: type[ServerSettings]) -> None:
-    text = (ROOT / "docs" / "operations.md").read_text()
+    text = (ROOT / "docs" / "how-to" / "operations.md").read_text()
     assert [name for name in settings.model_fields if f"ROAM_{name.upper()}" not in text] == []

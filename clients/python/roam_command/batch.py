@@ -20,9 +20,8 @@ from roam_command.reports import Exit, UsageError, centimetres, progress_bar, re
 
 # Endings of 3D files that people keep beside those that are read.
 UNREAD = frozenset(
-    ("3dm", "3ds", "abc", "blend", "c4d", "dae", "dwg", "dxf", "fbx", "ifc", "iges", "igs", "ma", "max", "mb", "skp")
-    + ("step", "stp", "usd", "usda", "usdc", "usdz", "wrl", "x3d")
-)
+    ["3dm", "3ds", "abc", "blend", "c4d", "dae", "dwg", "dxf", "fbx", "ifc", "iges", "igs", "ma", "max", "mb", "skp"]
+).union(["step", "stp", "usd", "usda", "usdc", "usdz", "wrl", "x3d"])
 
 
 class Engine(StrEnum):
