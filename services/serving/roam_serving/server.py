@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 import grpc
 import uvicorn
+from fastapi import FastAPI
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
 from roam_serving.access import Access
@@ -152,8 +153,9 @@ class Server:
         except RuntimeError as error:
             raise OSError(f"cannot listen on {where}; choose another gRPC port") from error
 
-    def _uvicorn_config(self) -> uvicorn.Config:
-        app = create_http_app(
+    def http_application(self) -> FastAPI:
+        """Everything that answers over HTTP."""
+        return create_http_app(
             title=f"ROAM {' and '.join(service.name for service in self.services)}",
             version=VERSION,
             routers=[
@@ -167,8 +169,10 @@ class Server:
             access=self._access,
             tracing=self._tracing,
         )
+
+    def _uvicorn_config(self) -> uvicorn.Config:
         return uvicorn.Config(
-            app,
+            self.http_application(),
             log_config=None,
             access_log=False,
             lifespan="off",
