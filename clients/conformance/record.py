@@ -17,6 +17,7 @@ from script import FOLDER, ROOT, Script, Step, response
 
 SESSION = "sessions/1f"
 FRAMES = 14
+PAUSE: Step = {"pause": 0.7}  # [s]
 Message = motion_pb2.AnimateResponse
 
 
@@ -119,125 +120,76 @@ def opened(after: int = 0, **fields: Any) -> Step:
     return {"expect_open": {"session": SESSION, "afterSequence": after, **fields}}
 
 
-def all_scripts(full: list[Message], short: list[Message]) -> list[Script]:
-    """Every situation."""
-    skeleton = full[0].header.skeleton.id
-    steer = {"after_sequence": 2, "steer": {"velocityX": 0.5, "velocityZ": 1.0}}
-    again = opened(5, resumeToken="token-1", knownSkeletonId=skeleton)
-    lost, burst = {"end": "UNAVAILABLE"}, {"pacing": "burst"}
-    golden = [
-        {"send_file": f"proto/golden/{name}.bin"} for name in ("stream_header", "event_goal_reached", "frame_snorm16")
-    ]
-    begun = [opened(), header(full), *frames(full, 1, 5)]
-    resumed = [header(full, 6, bare=True), *frames(full, 6, 8)]
-    return [
-        script("decode", "frames with float32 rotations", [begun], count=5, **burst),
-        script(
-            "decode-snorm16",
-            "frames with packed rotations",
-            [[opened(rotationEncodings=["ROTATION_ENCODING_SNORM16"]), header(short), *frames(short, 1, 5)]],
-            count=5,
-            encoding="snorm16",
-            **burst,
-        ),
-        script(
-            "golden", "the byte vectors of proto/golden", [[opened(), *golden]], count=1, encoding="snorm16", **burst
-        ),
-        script(
-            "acknowledge",
-            "a reader in real time acknowledges",
-            [[opened(), header(full), {"wait_ack": 0}, *frames(full, 1, 8), {"wait_ack": 4}, *frames(full, 9, 9)]],
-            count=9,
-        ),
-        script("resume", "a broken stream goes on after the last frame", [[*begun, lost], [again, *resumed]], count=8),
-        script(
-            "resume-cancelled",
-            "the server of a stream shuts down",
-            [[*begun, {"end": "CANCELLED"}], [again, *resumed]],
-            count=8,
-        ),
-        script(
-            "repeat",
-            "frames that the client has come once more after a resume",
-            [[*begun, lost], [again, header(full, 4, bare=True), *frames(full, 4, 8)]],
-            count=8,
-        ),
-        script(
-            "elsewhere",
-            "the session is with another replica for now",
-            [[opened(), {"end": "UNAVAILABLE", "reason": "SESSION_ELSEWHERE"}], [*begun]],
-            count=5,
-        ),
-        script(
-            "drain",
-            "a server that shuts down says so and ends the stream",
-            [[*begun, event("DRAINING", 5), {"end": "OK"}], [again, *resumed]],
-            count=8,
-        ),
-        script("silence", "a stream in real time falls silent", [[*begun, {"silence": 6}], [again, *resumed]], count=8),
-        script(
-            "skip",
-            "frames are skipped for a slow reader",
-            [
-                [
-                    opened(),
-                    header(full),
-                    *frames(full, 1, 3),
-                    event("FRAMES_SKIPPED", 7, skipped_count=3),
-                    *frames(full, 7, 8),
-                ]
-            ],
-            count=5,
-        ),
-        script(
-            "control-again",
-            "a control that the server never had is sent again",
-            [
-                [
-                    opened(),
-                    header(full),
-                    *frames(full, 1, 3),
-                    {"wait_control": {"controlId": "1"}},
-                    *frames(full, 4, 5),
-                    lost,
-                ],
-                [again, header(full, 6, bare=True), {"wait_control": {"controlId": "1"}}, *frames(full, 6, 8)],
-            ],
-            count=8,
-            control=[steer],
-        ),
-        script(
-            "control-once",
-            "a control that the server has is not sent again",
-            [
-                [
-                    opened(),
-                    header(full),
-                    *frames(full, 1, 3),
-                    {"wait_control": {"controlId": "1"}},
-                    *frames(full, 4, 5),
-                    lost,
-                ],
-                [
-                    again,
-                    header(full, 6, bare=True, controls=1),
-                    *frames(full, 6, 8),
-                    {"wait_ack": 5},
-                    {"no_control": True},
-                    *frames(full, 9, 9),
-                ],
-            ],
-            count=9,
-            control=[steer],
-        ),
-        script(
-            "ended",
-            "the session ends, and with it the stream",
-            [[*begun, event("SESSION_ENDED", 5), {"end": "OK"}]],
-            count=99,
-        ),
-        refused(),
-    ]
+class Situations:
+    """The sessions, made of the recorded messages."""
+
+    def __init__(self, full: list[Message], short: list[Message]) -> None:
+        skeleton = full[0].header.skeleton.id
+        self.full, self.short = full, short
+        self.begun = [opened(), header(full), *frames(full, 1, 5)]
+        self.resumed = [header(full, 6, bare=True), *frames(full, 6, 8)]
+        self.again = opened(5, resumeToken="token-1", knownSkeletonId=skeleton)
+
+    def all(self) -> list[Script]:
+        """Every situation."""
+        return [*self.decoding(), *self.breaks(), *self.events(), *self.controls(), refused()]
+
+    def decoding(self) -> list[Script]:
+        """Bytes and acknowledgements."""
+        full, short = self.full, self.short
+        names = ("stream_header", "event_goal_reached", "frame_snorm16")
+        golden = [opened(), *({"send_file": f"proto/golden/{name}.bin"} for name in names)]
+        packed = [opened(rotationEncodings=["ROTATION_ENCODING_SNORM16"]), header(short), *frames(short, 1, 5)]
+        read = [opened(), header(full), {"wait_ack": 0}, *frames(full, 1, 8), {"wait_ack": 4}, *frames(full, 9, 9)]
+        options: dict[str, Any] = {"encoding": "snorm16", "pacing": "burst"}
+        return [
+            script("decode", "frames with float32 rotations", [self.begun], count=5, pacing="burst"),
+            script("decode-snorm16", "frames with packed rotations", [packed], count=5, **options),
+            script("golden", "the byte vectors of proto/golden", [golden], count=1, **options),
+            script("acknowledge", "a reader in real time acknowledges", [read], count=9),
+        ]
+
+    def breaks(self) -> list[Script]:
+        """Streams that break or fall silent, and go on."""
+        resumed = [self.again, *self.resumed]
+        repeated = [self.again, header(self.full, 4, bare=True), *frames(self.full, 4, 8)]
+        lost, cancelled = [PAUSE, {"end": "UNAVAILABLE"}], [PAUSE, {"end": "CANCELLED"}]
+        held = [opened(), {"end": "UNAVAILABLE", "reason": "SESSION_ELSEWHERE"}]
+        about = {
+            "resume": ("a broken stream goes on after the last frame", [[*self.begun, *lost], resumed], 8),
+            "resume-cancelled": ("the server of a stream shuts down", [[*self.begun, *cancelled], resumed], 8),
+            "repeat": ("frames come once more after a resume", [[*self.begun, *lost], repeated], 8),
+            "elsewhere": ("the session is with another replica for now", [held, self.begun], 5),
+            "silence": ("a stream in real time falls silent", [[*self.begun, {"silence": 6}], resumed], 8),
+        }
+        return [script(name, words, connections, count=count) for name, (words, connections, count) in about.items()]
+
+    def events(self) -> list[Script]:
+        """What happens to a session."""
+        full = self.full
+        drained = [[*self.begun, event("DRAINING", 5), PAUSE, {"end": "OK"}], [self.again, *self.resumed]]
+        skipped = event("FRAMES_SKIPPED", 7, skipped_count=3)
+        skip = [opened(), header(full), *frames(full, 1, 3), skipped, *frames(full, 7, 8)]
+        ended = [*self.begun, event("SESSION_ENDED", 5), PAUSE, {"end": "OK"}]
+        return [
+            script("drain", "a server that shuts down says so and ends the stream", drained, count=8),
+            script("skip", "frames are skipped for a slow reader", [skip], count=5),
+            script("ended", "the session ends, and with it the stream", [ended], count=99),
+        ]
+
+    def controls(self) -> list[Script]:
+        """Controls that a break may have swallowed."""
+        full, sent = self.full, {"wait_control": {"controlId": "1"}}
+        steer = {"after_sequence": 2, "steer": {"velocityX": 0.5, "velocityZ": 1.0}}
+        steps = [opened(), header(full), *frames(full, 1, 3), sent, *frames(full, 4, 5), PAUSE, {"end": "UNAVAILABLE"}]
+        unknown = [self.again, header(full, 6, bare=True), sent, *frames(full, 6, 8)]
+        bare = header(full, 6, bare=True, controls=1)
+        known = [self.again, bare, *frames(full, 6, 8), {"wait_ack": 5}, {"no_control": True}, *frames(full, 9, 9)]
+        again, once = "a control that the server never had is sent again", "a control that it has is not sent again"
+        return [
+            script("control-again", again, [steps, unknown], count=8, control=[steer]),
+            script("control-once", once, [steps, known], count=9, control=[steer]),
+        ]
 
 
 def refused() -> Script:
@@ -252,7 +204,7 @@ def main() -> None:
     """The program."""
     full = asyncio.run(recorded(motion_pb2.ROTATION_ENCODING_FLOAT32))
     short = asyncio.run(recorded(motion_pb2.ROTATION_ENCODING_SNORM16))
-    for one in all_scripts(full, short):
+    for one in Situations(full, short).all():
         one.save(FOLDER)
     print(f"{len(list(FOLDER.glob('*.json')))} sessions in {Path(FOLDER).relative_to(ROOT)}")
 

@@ -85,6 +85,8 @@ class ScriptedServer(motion_pb2_grpc.MotionServiceServicer):
             case {"no_control": _}:
                 if incoming.controls:
                     raise _MistakeError(f"a control came that the server has already: {incoming.controls[0]}")
+            case {"pause": seconds}:
+                time.sleep(seconds)
             case {"silence": seconds}:
                 _wait(lambda: not context.is_active(), f"the client still waits after {seconds} s", context, seconds)
             case {"end": code}:

@@ -1,6 +1,6 @@
 """Bidirectional blending (paper 3.2, supplement C): the forward answer meets the goal-centric one near the goal.
 
-The paper prints an additive blend and a reciprocal in the exponent; both are slips (METHOD-NOTES, decision 7). Here
+The paper prints an additive blend and a reciprocal in the exponent; both are slips (docs/concepts/method.md, 7). Here
 lambda = action value x (1 - 1 / (1 + exp(-20 (d - 0.25)))) interpolates positions *and* rotations: 0.993 at the goal,
 0.5 at 25 cm, 0.007 at 50 cm mean joint distance.
 """

@@ -146,7 +146,7 @@ def _encode_gating(keys: Tensor, action: Tensor, places: Tensor, directions: Ten
     phase = phase_vector(keys[..., 8])  # [B, 13, 2]
     distance = torch.linalg.vector_norm(places, dim=-1).clamp_max(3.0)
     angle = torch.atan2(directions[..., 0], directions[..., 1])
-    # Labels become signs, so that every label is visible at every phase (METHOD-NOTES, gating).
+    # Labels become signs, so that every label is visible at every phase (docs/concepts/method.md).
     scales = torch.stack([torch.ones_like(distance), distance, angle], -1)  # [B, 13, 3]
     styles = (2 * keys[..., 4:8] - 1)[..., :, None] * phase[..., None, :]  # [B, 13, 4, 2]
     actions = (2 * action - 1)[:, None, :, None, None] * (scales[..., :, None] * phase[..., None, :])[:, :, None]
