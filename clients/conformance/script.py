@@ -8,7 +8,7 @@ A step of a connection is one of
     {"wait_ack": 5}            until the client has acknowledged at least this sequence
     {"wait_control": {…}}      until a control with these fields has come
     {"no_control": true}       none has come on this connection
-    {"pause": 0.7}             wait, so that the client has read everything before the call ends: some libraries drop the rest
+    {"pause": 0.7}             wait, so that the client has read everything before the call ends
     {"silence": 10}            say nothing for at most so many seconds: the client must come back by itself
     {"end": "UNAVAILABLE", "reason": "SESSION_ELSEWHERE"}   the call ends; OK is a polite end, the reason is optional
 """

@@ -72,6 +72,8 @@ class ScriptedServer(motion_pb2_grpc.MotionServiceServicer):
             except _MistakeError as mistake:
                 self.mistakes.append(f"connection {self.played}, step {number}: {mistake}")
                 return
+        if "end" not in steps[-1]:
+            _until_left(context)
 
     def _play(self, step: Step, incoming: _Incoming, context: Any) -> Iterator[motion_pb2.AnimateResponse]:
         match step:
@@ -104,6 +106,13 @@ def _wait(done: Any, mistake: str, context: Any, seconds: float = PATIENCE) -> N
     while not done():
         if time.monotonic() > ends or not context.is_active():
             raise _MistakeError(mistake)
+        time.sleep(0.005)
+
+
+def _until_left(context: Any) -> None:
+    """The stream stays open until the client has what it wants: some libraries drop what is unread when a call ends."""
+    ends = time.monotonic() + PATIENCE
+    while context.is_active() and time.monotonic() < ends:
         time.sleep(0.005)
 
 

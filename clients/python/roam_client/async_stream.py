@@ -31,6 +31,7 @@ class AsyncStream(BaseStream):
         self._connecting = connect
         self._stub: Any = None
         self._silent = False
+        self._messages: AsyncIterator[Any]
 
     async def __aenter__(self) -> Self:
         if not await self._resume(first=True):
@@ -89,7 +90,7 @@ class AsyncStream(BaseStream):
 
     async def _read(self, patience: float | None) -> motion_pb2.AnimateResponse | None:
         try:
-            message = await asyncio.wait_for(self._call.read(), patience)
+            message = await asyncio.wait_for(self._message(), patience)
         except TimeoutError:
             self._silent = True
             self._call.cancel()
@@ -98,10 +99,11 @@ class AsyncStream(BaseStream):
             if self._left and not _cancelled():  # gRPC says so of a call that `close` has cancelled
                 return None
             raise
-        if message is grpc.aio.EOF:
-            return None
-        received: motion_pb2.AnimateResponse = message if self._duplex else message.message
-        return received
+        return message if message is None or self._duplex else message.message
+
+    async def _message(self) -> Any:
+        # Not read(): once the call has its status, that forgets the messages which nobody has taken yet.
+        return await anext(self._messages, None)
 
     async def _connect(self) -> None:
         """Opens or continues the stream and waits for its header."""
@@ -113,6 +115,7 @@ class AsyncStream(BaseStream):
             await self._write(motion_pb2.AnimateRequest(open=opening))
         else:
             self._call = self._stub.WatchFrames(motion_pb2.WatchFramesRequest(open=opening))
+        self._messages = aiter(self._call)
         if self._left:  # while it opened
             self._call.cancel()
         header = await self._read(HEADER_SECONDS)
