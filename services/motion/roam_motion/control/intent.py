@@ -1,6 +1,6 @@
 """What a character is asked to do at a frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from roam_character.pose import Pose
@@ -38,6 +38,11 @@ class Goal:
     approach: np.ndarray | None = None
     obstacles: tuple[Outline, ...] = ()
     volume: Volume | None = None
+
+    def moved(self, offset: np.ndarray) -> "Goal":
+        """The same goal, its pose and furniture higher or lower; `offset` [3] [m] with x and z 0."""
+        volume = None if self.volume is None else self.volume.moved(offset)
+        return replace(self, pose=self.pose.moved(offset), volume=volume)
 
 
 Intent = Idle | Steer | Goal

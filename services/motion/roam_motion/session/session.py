@@ -3,23 +3,30 @@
 import asyncio
 import sys
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
-from roam.v1 import motion_pb2
 from roam_character.skeleton import Skeleton
 
 from roam_motion.animator import CharacterState, FrameData, Goal, Idle, Intent
-from roam_motion.session.arrival import GoalWatch
-from roam_motion.session.store.base import ControlEntry, SessionRecord, Snapshot
+from roam_motion.session.records import (
+    Claim,
+    ControlChange,
+    ControlEntry,
+    ControlRequest,
+    Event,
+    EventKind,
+    SessionRecord,
+    Snapshot,
+)
 
 _REMEMBERED_CONTROLS = 1024  # answers kept for controls that are sent again
 _STORED_ANSWERS = 64  # of them, those that a snapshot carries
-
-Event = motion_pb2.SessionEvent
+_SETTLED_FRAMES = 10  # a third of a second near the goal and still: reached
+_STILL = 0.002  # [m] change of the goal distance per frame, 6 cm/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,16 +35,35 @@ class FrameRecord:
 
     sequence: int
     data: FrameData
-    packed: dict[tuple[int, bool], motion_pb2.AnimateResponse] = field(default_factory=dict)
+    packed: dict[Hashable, Any] = field(default_factory=dict)  # by format; the transports' own
 
 
-@dataclass(frozen=True)
-class ControlChange:
-    """What a control changes: the intent, or whether time runs."""
+@dataclass
+class ArrivalDetector:
+    """Says once per goal that the character has arrived and settled."""
 
-    intent: Intent | None = None
-    goal_name: str = ""
-    paused: bool | None = None
+    tolerance: float  # [m]
+    near: int = 0
+    last: float | None = None  # distance at the frame before [m]
+    told: bool = False
+
+    @property
+    def state(self) -> tuple[int, float | None, bool]:
+        """All that it remembers."""
+        return self.near, self.last, self.told
+
+    def restart(self, near: int = 0, last: float | None = None, told: bool = False) -> None:
+        """A new goal was given; or an earlier `state` comes back."""
+        self.near, self.last, self.told = near, last, told
+
+    def reached(self, distance: float | None) -> bool:
+        """True on the frame at which the goal counts as reached; `distance` to the goal pose [m]."""
+        if distance is None or self.told:
+            return False
+        steady = self.last is not None and abs(distance - self.last) < _STILL
+        self.near, self.last = (self.near + 1 if steady and distance < self.tolerance else 0), distance
+        self.told = self.near >= _SETTLED_FRAMES
+        return self.told
 
 
 class Reader(Protocol):
@@ -83,7 +109,6 @@ class Session:
         self.record = record
         self.skeleton = skeleton
         self.state = state
-        self.intent: Intent = Idle()
         self.sequence = 0
         self.touched = clock()
         self.one_control = asyncio.Lock()  # controls are taken one after the other
@@ -99,18 +124,22 @@ class Session:
         self.reached: Event | None = None  # the last GOAL_REACHED
         self.limit = sys.maxsize  # no frame after this one is computed before a newer snapshot is safe
         self._seen_elsewhere = 0  # a replica before this one may have shown frames up to here
-        self._intent_control = b""
-        self._goal_name = ""
+        self._change = ControlChange()  # the one whose intent is in force
         self._owed = False  # a tick came while the session was held
         self._answers: OrderedDict[int, int] = OrderedDict()
-        self._schedule: deque[tuple[int, bytes, ControlChange]] = deque()
-        self._watch = GoalWatch(goal_tolerance)
+        self._schedule: deque[tuple[int, ControlChange]] = deque()
+        self._arrival = ArrivalDetector(goal_tolerance)
         self._clock = clock
 
     @property
     def name(self) -> str:
         """Resource name."""
         return self.record.name
+
+    @property
+    def intent(self) -> Intent:
+        """What the next frame is asked for unless a control says otherwise."""
+        return self._change.intent or Idle()
 
     @property
     def floor_height(self) -> float:
@@ -155,32 +184,31 @@ class Session:
         finally:
             self.held = False
 
-    def entry(self, control: motion_pb2.ControlInput) -> ControlEntry:
+    def entry(self, control: ControlRequest) -> ControlEntry:
         """Names the first frame that a new control can affect. 0 as control_id takes the next free one."""
         # a step that runs right now was given the old intent
         effective = max(self.sequence + self.under_way, self._seen_elsewhere) + 1
         control_id = control.control_id or self.last_control_id + 1
-        return ControlEntry(control_id, effective, control.SerializeToString())
+        return ControlEntry(control_id, effective, control.change.lowered(self.floor_height))
 
-    def accept(self, entry: ControlEntry, change: ControlChange) -> None:
+    def accept(self, entry: ControlEntry) -> None:
         """Puts a control in force from its frame on and tells the streams."""
-        if change.paused is not None:
-            self.paused = change.paused
-        if change.intent is not None:
-            self._schedule.append((entry.effective, entry.control, change))
+        if entry.change.paused is not None:
+            self.paused = entry.change.paused
+        if entry.change.intent is not None:
+            self._schedule.append((entry.effective, entry.change))
         self.last_control_id = entry.control_id
         self._answers[entry.control_id] = entry.effective
         if len(self._answers) > _REMEMBERED_CONTROLS:
             self._answers.popitem(last=False)
-        kind = motion_pb2.EVENT_TYPE_CONTROL_APPLIED
-        self.announce(Event(type=kind, sequence=entry.effective, control_id=entry.control_id), after=0)
+        self.announce(Event(EventKind.CONTROL_APPLIED, entry.effective, control_id=entry.control_id), after=0)
 
     def intents(self, count: int) -> list[Intent]:
         """The intents of the next `count` frames."""
         intents, intent, waiting = [], self.intent, deque(self._schedule)
         for sequence in range(self.sequence + 1, self.sequence + count + 1):
             while waiting and waiting[0][0] <= sequence:
-                intent = waiting.popleft()[2].intent or intent
+                intent = waiting.popleft()[1].intent or intent
             intents.append(intent)
         return intents
 
@@ -189,45 +217,37 @@ class Session:
     def snapshot(self, build: str) -> Snapshot:
         """All that another replica needs to go on from here; `build` names what computes the frames."""
         answers = list(self._answers.items())[-_STORED_ANSWERS:]
-        watch = self._watch
         return Snapshot(
             sequence=self.sequence,
             state=self.state.to_bytes(),
-            control=self._intent_control,
+            change=self._change,
             paused=self.paused,
             last_control_id=self.last_control_id,
             answers=tuple(answers),
-            watch=(watch.near, watch.last, watch.told),
-            reached=self.reached.SerializeToString() if self.reached else b"",
+            arrival=self._arrival.state,
+            reached=self.reached,
             build=build if self.exact else "",
             shown=self._seen_elsewhere,
         )
 
-    def restore(
-        self,
-        snapshot: Snapshot,
-        current: ControlChange,
-        later: Sequence[tuple[ControlEntry, ControlChange]],
-        *,
-        newest: int,
-        shown: int,
-    ) -> None:
+    def restore(self, snapshot: Snapshot, claim: Claim, *, shown: int) -> None:
         """Goes back to a snapshot, whose `state` this session was made with, and to the controls taken after it.
 
-        `current` is the change behind `snapshot.control`. Frames up to the `newest` snapshot and the newest control are
-        computed again at once. Replicas before may have shown frames up to `shown`: new controls come after those.
+        Frames up to the newest snapshot and the newest control of the `claim` are computed again at once. Replicas
+        before may have shown frames up to `shown`: new controls come after those.
         """
         self.sequence = snapshot.sequence
         self.paused = snapshot.paused
         self.last_control_id = snapshot.last_control_id
         self._answers = OrderedDict(snapshot.answers)
-        self.reached = Event.FromString(snapshot.reached) if snapshot.reached else None
-        self._enter(snapshot.control, current)
-        self._watch.near, self._watch.last, self._watch.told = snapshot.watch
-        for entry, change in later:
+        self.reached = snapshot.reached
+        self._change = snapshot.change
+        self._arrival.restart(*snapshot.arrival)
+        for entry in claim.controls:
             if entry.effective > snapshot.sequence:
-                self.accept(entry, change)
-        self.replay_until = max([newest, *(entry.effective - 1 for entry, _ in later)])
+                self.accept(entry)
+        newest = claim.snapshots[-1].sequence
+        self.replay_until = max([newest, *(entry.effective - 1 for entry in claim.controls)])
         self._seen_elsewhere = max(shown, self.replay_until)
 
     def lacks(self, after_sequence: int) -> bool:
@@ -272,24 +292,24 @@ class Session:
         self.state = state
         self.sequence += 1
         while self._schedule and self._schedule[0][0] <= self.sequence:
-            self._enter(*self._schedule.popleft()[1:])
+            self._enter(self._schedule.popleft()[1])
         self.ring.append(FrameRecord(self.sequence, data))
-        if isinstance(self.intent, Goal) and self._watch.reached(data.goal_distance):
+        if isinstance(self.intent, Goal) and self._arrival.reached(data.goal_distance):
             self._tell_reached(data.goal_distance)
         for stream in self.streams:
             stream.wake()
 
-    def _enter(self, control: bytes, change: ControlChange) -> None:
+    def _enter(self, change: ControlChange) -> None:
         """A control's frame has come."""
         if change.intent is not None:
-            self.intent, self._goal_name, self._intent_control = change.intent, change.goal_name, control
-            self._watch.restart()
+            self._change = change
+            self._arrival.restart()
 
     def _tell_reached(self, distance: float | None) -> None:
         self.reached = Event(
-            type=motion_pb2.EVENT_TYPE_GOAL_REACHED,
-            sequence=self.sequence,
-            goal_pose=self._goal_name,
+            EventKind.GOAL_REACHED,
+            self.sequence,
+            goal_pose=self._change.goal_name,
             message=f"{distance:.3f} m from the goal pose and still",
         )
         self.announce(self.reached, after=self.sequence)
@@ -302,8 +322,7 @@ class Session:
     def end(self, event: Event) -> None:
         """Ends all streams with an event; the session is not stepped here any more."""
         self.ended = True
-        event.sequence = self.sequence
-        self.announce(event, after=0)
+        self.announce(replace(event, sequence=self.sequence), after=0)
         for stream in self.streams:
             stream.finish()
 

@@ -8,10 +8,9 @@ from time import perf_counter
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from roam_serving.logs import get_log
 
-from roam_motion.session.live import LiveSessions
-from roam_motion.session.ownership import Ownership
+from roam_motion.session.ownership import LiveSessions, Ownership
 from roam_motion.session.session import Session
-from roam_motion.session.stepping import Frames, Result
+from roam_motion.session.worker import Frames, Result
 
 log = get_log("roam_motion.session.ticker")
 

@@ -4,15 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from time import monotonic
 
-from roam_motion.session.store.base import (
-    Claim,
-    ControlEntry,
-    HeldElsewhereError,
-    MissingError,
-    SessionRecord,
-    Snapshot,
-    SupersededError,
-)
+from roam_motion.session.records import Claim, ControlEntry, SessionRecord, Snapshot
+from roam_motion.session.store.base import HeldElsewhereError, MissingError, SupersededError
 
 
 @dataclass
@@ -26,7 +19,7 @@ class _Stored:
 
 
 class MemoryStore:
-    """Implements motion.store.SessionStore in this process; several replicas in one process may share it."""
+    """Implements `SessionStore` in this process; several replicas in one process may share it."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
@@ -36,11 +29,11 @@ class MemoryStore:
         self._asked: dict[str, set[str]] = {}
 
     async def renew(self, owner: str, seconds: float) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         self._leases[owner] = self._clock() + seconds
 
     async def create(self, record: SessionRecord, owner: str, snapshot: Snapshot) -> str:
-        """See SessionStore."""
+        """See `SessionStore`."""
         self._drop_expired()
         if record.request_id:
             known = self._requests.setdefault(record.request_id, record.name)
@@ -52,7 +45,7 @@ class MemoryStore:
         return record.name
 
     async def claim(self, name: str, owner: str) -> Claim | None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         self._drop_expired()
         stored = self._sessions.get(name)
         if stored is None:
@@ -65,7 +58,7 @@ class MemoryStore:
         return Claim(stored.record, stored.token, snapshots, controls, released)
 
     async def log(self, name: str, token: int, entry: ControlEntry) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         stored = self._sessions.get(name)
         if stored is None:
             raise MissingError
@@ -73,7 +66,7 @@ class MemoryStore:
         stored.controls[entry.control_id] = entry
 
     async def save(self, record: SessionRecord, owner: str, token: int, snapshot: Snapshot, keep_from: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         fresh = _Stored(record, owner, token, self._clock() + record.idle_timeout)
         stored = self._sessions.setdefault(record.name, fresh)
         _check(stored, token)
@@ -82,34 +75,34 @@ class MemoryStore:
         stored.controls = {key: kept for key, kept in stored.controls.items() if kept.effective > keep_from}
 
     async def release(self, name: str, token: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         stored = self._sessions.get(name)
         if stored is not None and stored.token == token:
             stored.owner = ""
 
     async def remove(self, name: str, token: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         stored = self._sessions.get(name)
         if stored is not None and stored.token == token:
             self._forget(stored)
 
     async def keep(self, seconds: Mapping[str, float]) -> set[str]:
-        """See SessionStore."""
+        """See `SessionStore`."""
         now = self._clock()
         for name in seconds.keys() & self._sessions.keys():
             self._sessions[name].expires = now + seconds[name]
         return set(seconds.keys() - self._sessions.keys())
 
     async def ask(self, owner: str, name: str) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         self._asked.setdefault(owner, set()).add(name)
 
     async def asked(self, owner: str) -> set[str]:
-        """See SessionStore."""
+        """See `SessionStore`."""
         return self._asked.pop(owner, set())
 
     async def close(self) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
 
     def _drop_expired(self) -> None:
         now = self._clock()

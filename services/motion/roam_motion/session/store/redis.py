@@ -17,20 +17,9 @@ from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 
-from roam_motion.session.store.base import (
-    Claim,
-    ControlEntry,
-    HeldElsewhereError,
-    MissingError,
-    SessionRecord,
-    Snapshot,
-    StoreDownError,
-    SupersededError,
-    decode_control,
-    decode_record,
-    decode_snapshot,
-    encode,
-)
+from roam_motion.session.records import Claim, ControlEntry, SessionRecord, Snapshot
+from roam_motion.session.store.base import HeldElsewhereError, MissingError, StoreDownError, SupersededError
+from roam_motion.session.store.codec import RecordCodec
 
 _TIMEOUT = 0.5  # [s] for one answer
 _TOMBSTONE = 60_000  # [ms] that a removed session keeps fencing replicas that have not heard of it
@@ -91,10 +80,10 @@ redis.call('PEXPIRE', KEYS[1], ARGV[2])
 
 
 class RedisStore:
-    """Implements motion.store.SessionStore on one Redis."""
+    """Implements `SessionStore` on one Redis."""
 
-    def __init__(self, redis: Redis) -> None:
-        self._redis = redis
+    def __init__(self, redis: Redis, codec: RecordCodec) -> None:
+        self._redis, self._codec = redis, codec
         self._create = redis.register_script(_CREATE)
         self._claim = redis.register_script(_CLAIM)
         self._log = redis.register_script(_LOG)
@@ -103,35 +92,36 @@ class RedisStore:
         self._remove = redis.register_script(_REMOVE)
 
     @staticmethod
-    def at(url: str) -> "RedisStore":
+    def at(url: str, codec: RecordCodec) -> "RedisStore":
         """The store behind an address such as redis://localhost:6379/0; connects when it is first needed."""
         retry = Retry(NoBackoff(), 1)  # once, for a connection that Redis closed in the meantime
         redis = Redis.from_url(url, socket_timeout=_TIMEOUT, socket_connect_timeout=_TIMEOUT, retry=retry)
-        return RedisStore(redis)
+        return RedisStore(redis, codec)
 
     async def renew(self, owner: str, seconds: float) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         with _down():
             await self._redis.set(f"roam:lease:{owner}", 1, px=_milliseconds(seconds))
 
     async def create(self, record: SessionRecord, owner: str, snapshot: Snapshot) -> str:
-        """See SessionStore."""
+        """See `SessionStore`."""
         request = f"roam:request:{record.request_id}" if record.request_id else ""
-        values = [record.name, encode(record), owner, encode(snapshot), _milliseconds(record.idle_timeout)]
+        encode, kept = self._codec.encode, _milliseconds(record.idle_timeout)
+        values = [record.name, encode(record), owner, encode(snapshot), kept]
         return str((await self._run(self._create, [_key(record.name), request], values)).decode())
 
     async def claim(self, name: str, owner: str) -> Claim | None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         found = await self._run(self._claim, [_key(name)], [owner])
         if found is None:
             return None
         if isinstance(found, bytes):
             raise HeldElsewhereError(found.decode())
         fields = {key.decode(): value for key, value in zip(found[::2], found[1::2], strict=True)}
-        snapshots = [decode_snapshot(value) for key, value in fields.items() if key.startswith("s:")]
-        controls = [decode_control(value) for key, value in fields.items() if key.startswith("c:")]
+        snapshots = [self._codec.snapshot(value) for key, value in fields.items() if key.startswith("s:")]
+        controls = [self._codec.control(value) for key, value in fields.items() if key.startswith("c:")]
         return Claim(
-            decode_record(fields["record"]),
+            self._codec.record(fields["record"]),
             int(fields["token"]),
             tuple(sorted(snapshots, key=lambda snapshot: snapshot.sequence)),
             tuple(sorted(controls, key=lambda entry: entry.control_id)),
@@ -139,26 +129,27 @@ class RedisStore:
         )
 
     async def log(self, name: str, token: int, entry: ControlEntry) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         field = f"c:{entry.control_id}:{entry.effective}"
-        _judge(await self._run(self._log, [_key(name)], [token, field, encode(entry)]))
+        _judge(await self._run(self._log, [_key(name)], [token, field, self._codec.encode(entry)]))
 
     async def save(self, record: SessionRecord, owner: str, token: int, snapshot: Snapshot, keep_from: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
+        encode = self._codec.encode
         terms = [encode(record), owner, _milliseconds(record.idle_timeout)]
         values = [token, f"s:{snapshot.sequence}", encode(snapshot), *terms, keep_from]
         _judge(await self._run(self._save, [_key(record.name)], values))
 
     async def release(self, name: str, token: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         await self._run(self._release, [_key(name)], [token])
 
     async def remove(self, name: str, token: int) -> None:
-        """See SessionStore. A tombstone goes on fencing for a minute."""
+        """See `SessionStore`. A tombstone goes on fencing for a minute."""
         await self._run(self._remove, [_key(name)], [token, _TOMBSTONE])
 
     async def keep(self, seconds: Mapping[str, float]) -> set[str]:
-        """See SessionStore."""
+        """See `SessionStore`."""
         with _down():
             async with self._redis.pipeline(transaction=False) as pipe:
                 for name, kept in seconds.items():
@@ -167,7 +158,7 @@ class RedisStore:
         return {name for name, there in zip(seconds, found, strict=True) if not there}
 
     async def ask(self, owner: str, name: str) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         with _down():
             async with self._redis.pipeline() as pipe:
                 pipe.sadd(f"roam:asked:{owner}", name)
@@ -175,7 +166,7 @@ class RedisStore:
                 await pipe.execute()
 
     async def asked(self, owner: str) -> set[str]:
-        """See SessionStore."""
+        """See `SessionStore`."""
         with _down():
             async with self._redis.pipeline() as pipe:
                 pipe.smembers(f"roam:asked:{owner}")
@@ -184,7 +175,7 @@ class RedisStore:
         return {name.decode() for name in names}
 
     async def close(self) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         await self._redis.aclose()
 
     async def _run(self, script: Any, keys: Sequence[str], values: Sequence[Any]) -> Any:

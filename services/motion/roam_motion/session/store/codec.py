@@ -1,0 +1,105 @@
+"""Records as bytes and back, exactly: JSON, arrays and bytes in base64. For stores outside this process."""
+
+from base64 import b64decode, b64encode
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import orjson
+from roam_character.pose import Pose
+from roam_character.skeleton import Skeleton
+from roam_character.volume import Volume
+
+from roam_motion.control.intent import Goal, Idle, Intent, Steer
+from roam_motion.session.records import ControlChange, ControlEntry, Event, EventKind, SessionRecord, Snapshot
+
+
+class RecordCodec:
+    """Reads and writes the records of sessions that all animate one skeleton."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+
+    def encode(self, value: SessionRecord | Snapshot | ControlEntry) -> bytes:
+        """A record as JSON."""
+        fields: dict[str, Any] = dict(vars(value))
+        if "change" in fields:
+            fields["change"] = _change_fields(fields["change"])
+        if isinstance(value, Snapshot):
+            fields["state"] = b64encode(value.state).decode()
+            fields["reached"] = value.reached and asdict(value.reached) | {"kind": value.reached.kind.value}
+        return orjson.dumps(fields)
+
+    def record(self, data: bytes) -> SessionRecord:
+        """The terms of a session that `encode` wrote."""
+        return SessionRecord(**orjson.loads(data))
+
+    def control(self, data: bytes) -> ControlEntry:
+        """The control that `encode` wrote."""
+        fields: dict[str, Any] = orjson.loads(data)
+        return ControlEntry(**fields | {"change": self._change(fields["change"])})
+
+    def snapshot(self, data: bytes) -> Snapshot:
+        """The snapshot that `encode` wrote."""
+        fields: dict[str, Any] = orjson.loads(data)
+        reached = fields["reached"]
+        return Snapshot(
+            **fields
+            | {
+                "state": b64decode(fields["state"]),
+                "change": self._change(fields["change"]),
+                "answers": tuple(map(tuple, fields["answers"])),
+                "arrival": tuple(fields["arrival"]),
+                "reached": reached and Event(**reached | {"kind": EventKind(reached["kind"])}),
+            }
+        )
+
+    def _change(self, fields: dict[str, Any]) -> ControlChange:
+        intent = fields["intent"]
+        return ControlChange(intent and self._intent(**intent), fields["goal_name"], fields["paused"])
+
+    def _intent(self, kind: str, **fields: Any) -> Intent:
+        if kind == "idle":
+            return Idle()
+        if kind == "steer":
+            facing = fields["facing"]
+            return Steer(_array(fields["velocity"]), None if facing is None else _array(facing), fields["action"])
+        approach, volume = fields["approach"], fields["volume"]
+        rotations = _array(fields["rotations"]).reshape(-1, 4)
+        return Goal(
+            pose=Pose(self._skeleton, _array(fields["root_position"]), rotations),
+            action=fields["action"],
+            approach=None if approach is None else _array(approach),
+            obstacles=tuple(tuple((x, z) for x, z in outline) for outline in fields["obstacles"]),
+            volume=None if volume is None else Volume.unpacked(b64decode(volume)),
+        )
+
+
+def _change_fields(change: ControlChange) -> dict[str, Any]:
+    intent = None if change.intent is None else _intent_fields(change.intent)
+    return {"intent": intent, "goal_name": change.goal_name, "paused": change.paused}
+
+
+def _intent_fields(intent: Intent) -> dict[str, Any]:
+    if isinstance(intent, Idle):
+        return {"kind": "idle"}
+    if isinstance(intent, Steer):
+        facing = None if intent.facing is None else _text(intent.facing)
+        return {"kind": "steer", "velocity": _text(intent.velocity), "facing": facing, "action": intent.action}
+    return {
+        "kind": "goal",
+        "root_position": _text(intent.pose.root_position),
+        "rotations": _text(intent.pose.rotations),
+        "action": intent.action,
+        "approach": None if intent.approach is None else _text(intent.approach),
+        "obstacles": intent.obstacles,
+        "volume": None if intent.volume is None else b64encode(intent.volume.packed).decode(),
+    }
+
+
+def _text(values: np.ndarray) -> str:
+    return b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
+
+
+def _array(text: str) -> np.ndarray:
+    return np.frombuffer(b64decode(text), "<f4").astype(np.float32)
