@@ -5,8 +5,8 @@ import pytest
 import torch
 from roam_motion.animation.advance import advance
 from roam_motion.animation.blending import WHOLE
-from roam_motion.animation.features import Goals, network_config
 from roam_motion.animation.living import alive, stillness
+from roam_motion.animation.prediction import Goals
 from roam_motion.animation.rows import join, split_array, split_tensor
 from roam_motion.animation.state import Characters
 from roam_motion.animation.swing import swinging, walking
@@ -14,19 +14,14 @@ from roam_motion.animator import Goal
 from roam_motion.control.controller import Command, goals_of
 from roam_motion.control.seat import seat_of
 from roam_motion.graphs import Graphs
-from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
-from roam_motion.models.lnsm.prediction import Prediction
-from standing import random_animator, seated_pose
+from standing import random_animator, random_model, seated_pose
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 70])
 def test_graphs_do_what_the_step_of_training_does(count):
     animator = random_animator()
     figure = animator.figure
-    config = network_config(figure.joint_count, experts=3, encoding=16, hidden=16)
-    normaliser = Normaliser(config)
-    normaliser.get_buffer("output_std").fill_(0.01)
-    prediction = Prediction(MotionNetwork(config), normaliser)
+    prediction = random_model(seed=1).predictor()
     states = [animator.start((0.3 * i, -0.1 * i), 0.2 * i, i) for i in range(count)]
     seat = seat_of(figure, Goal(seated_pose(ahead=0.2)), (0.0, 0.0))
     places, directions = np.full((13, 2), 0.4, np.float32), np.tile(np.float32([0.0, 1.0]), (13, 1))

@@ -1,7 +1,8 @@
 import torch
-from roam_motion.animation.features import Inputs, network_config
+from roam_motion.models.lnsm.config import network_config
+from roam_motion.models.lnsm.features import Inputs
 from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
-from roam_motion.models.lnsm.prediction import Prediction
+from roam_motion.models.lnsm.predict import Prediction
 
 
 def test_a_prediction_is_the_trained_network_between_the_normalisers():

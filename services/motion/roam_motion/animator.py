@@ -1,6 +1,5 @@
 """The application object of the motion domain: start characters, step many of them in one batch."""
 
-import json
 import math
 import struct
 from collections.abc import Sequence
@@ -11,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import torch
 from roam_character.volume import Volume
-from safetensors import safe_open
 from torch import Tensor
 
-from roam_motion.animation.blending import WHOLE, Blending
+from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture, furniture_of, near
 from roam_motion.animation.figure import Figure, humanoid_figure
 from roam_motion.animation.rows import split_array
@@ -24,8 +22,7 @@ from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.planner import Plan
 from roam_motion.control.seat import Seat
 from roam_motion.graphs import Graphs, Shown
-from roam_motion.models.lnsm.network import MotionNetwork, NetworkConfig, Normaliser
-from roam_motion.models.lnsm.prediction import Prediction
+from roam_motion.models.registry import MotionModel, load_model
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
@@ -110,49 +107,39 @@ class FrameData:
 
 
 class Animator:
-    """Loaded weights; stateless between calls, so one serves every session."""
+    """A motion model at work; stateless between calls, so one serves every session.
 
-    def __init__(
-        self,
-        figure: Figure,
-        network: MotionNetwork,
-        normaliser: Normaliser,
-        starts: dict[str, Tensor],
-        blending: Blending = WHOLE,
-    ) -> None:
-        self.figure, self._blending, self._starts = figure, blending, starts
-        self._network, self._normaliser = network, normaliser
+    `blending` is the model's own unless an evaluation leaves something out.
+    """
+
+    def __init__(self, model: MotionModel, blending: Blending | None = None) -> None:
+        self._model, self._blending = model, blending or model.blending
+
+    @property
+    def figure(self) -> Figure:
+        """The skeleton."""
+        return self._model.figure
 
     @cached_property
     def _graphs(self) -> Graphs:
         """Made for the first step: a server that steps elsewhere only starts characters."""
-        return Graphs(self.figure, Prediction(self._network, self._normaliser), self._blending)
+        return Graphs(self.figure, self._model.predictor(), self._blending)
 
     @staticmethod
-    def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
-        """From a .safetensors file. ValueError when it was trained for another skeleton."""
-        figure = humanoid_figure()
-        with safe_open(str(weights), "pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
-        if metadata.get("skeleton") != figure.skeleton.id:
-            raise ValueError(f"{weights} was trained for skeleton {metadata.get('skeleton')}, not {figure.skeleton.id}")
-        config = NetworkConfig(**json.loads(metadata["config"]))
-        network, normaliser = MotionNetwork(config), Normaliser(config)
-        network.load_state_dict(_part(tensors, "network."))
-        normaliser.load_state_dict(_part(tensors, "normaliser."))
-        return Animator(figure, network, normaliser, _part(tensors, "start."), blending)
+    def load(weights: str | Path, blending: Blending | None = None) -> "Animator":
+        """From a .safetensors file. ValueError when its model is not known, or made for another skeleton."""
+        return Animator(load_model(weights, humanoid_figure()), blending)
 
     def start(self, position_xz: Sequence[float], yaw: float, seed: int = 0) -> CharacterState:
         """A character standing quietly at a place [m] with a heading [rad]; the seed picks stance and gait phase."""
         rng = np.random.default_rng(seed)
-        pick = int(rng.integers(len(self._starts["height"])))
+        pick = int(rng.integers(len(self._model.starts["height"])))
         turn = torch.tensor(
             [[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]], dtype=torch.float32
         )
-        orientations = (turn @ self._starts["orientations"][pick])[None]
+        orientations = (turn @ self._model.starts["orientations"][pick])[None]
         x, z = float(position_xz[0]), float(position_xz[1])
-        hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
+        hips = torch.tensor([[x, float(self._model.starts["height"][pick]), z]])
         batch = _standing(self.figure, hips, orientations, float(rng.random()))
         return CharacterState(batch.rows()[0].numpy(), Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
@@ -217,10 +204,6 @@ def _around(
         allowed.append(seat.depths)
         lying.append(memory.along > 0)
     return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
-
-
-def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:

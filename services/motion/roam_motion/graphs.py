@@ -12,12 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, Proposal, cleared, propose, settle
+from roam_motion.animation.advance import Proposal, cleared, propose, settle
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture
-from roam_motion.animation.features import Goals, goal_shapes
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.living import alive, stillness
+from roam_motion.animation.prediction import Goals, Predict, goal_shapes
 from roam_motion.animation.rows import join, row_width, split_array
 from roam_motion.animation.state import Characters, characters_width
 from roam_motion.animation.swing import swinging, walking

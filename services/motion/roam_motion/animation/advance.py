@@ -3,7 +3,6 @@
 Training roll-outs and the service call this same function, so training sees exactly what runs.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
@@ -11,13 +10,10 @@ from torch import Tensor
 
 from roam_motion.animation.blending import WHOLE, Blending, blend_pose, blend_trajectory, blend_weights, limit_turns
 from roam_motion.animation.collision import Furniture, keep_clear
-from roam_motion.animation.features import Answer, Goals, Inputs, decode, encode, goal_frame
 from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.foot_contacts import plant
+from roam_motion.animation.prediction import Answer, Goals, Predict, goal_frame
 from roam_motion.animation.state import FRAME_RATE, Characters
-
-# Normalised network call: raw inputs -> raw output [B, O].
-Predict = Callable[[Inputs], Tensor]
 
 _HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
 _COMMITTED = 0.3  # blending weight from which feet go where the goal pose has them
@@ -62,10 +58,10 @@ def advance(
 def propose(
     figure: Figure, predict: Predict, characters: Characters, goals: Goals, parts: Blending = WHOLE
 ) -> Proposal:
-    """What the network answers, blended with the goal."""
+    """What the model predicts, blended with the goal."""
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
-    answer = decode(predict(encode(figure, characters, goals, positions, root)), characters, positions, root)
+    answer = predict(characters, goals, positions, root)
     distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
     styles = answer.trajectory[:, 0, 4:8].clamp(0.0, 1.0)
     action = goals.active * (styles[:, 2] + styles[:, 3]).clamp_max(1.0)

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.features import Answer, Goals, goal_orientations, world_axes
 from roam_motion.animation.figure import Figure, Frame, orthonormal, six, unit
+from roam_motion.animation.prediction import Answer, Goals, goal_orientations, world_axes
 from roam_motion.animation.state import FUTURE, Characters
 
 _STEEPNESS = 20.0  # [1/m]

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roam_motion.animation.features import goal_shapes
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import goal_shapes
 from roam_motion.animation.rows import row_width, split_array
 from roam_motion.animation.state import ACTIONS, FRAME_RATE, KEYS
 from roam_motion.control.intent import Goal, Idle, Intent, Steer

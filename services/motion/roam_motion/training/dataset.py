@@ -9,9 +9,10 @@ from roam_character.rotation import quat_to_matrix
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
-from roam_motion.animation.features import Goals, Targets
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import Goals
 from roam_motion.animation.state import FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
+from roam_motion.models.lnsm.features import Targets
 from roam_motion.training.episodes import Episode
 
 _PLAN_SMOOTHING = 0.35 * FRAME_RATE  # frames: a planned path knows nothing of the sway of steps

@@ -9,9 +9,9 @@ is then a supervised example (dataset aggregation), and no gradient has to pass 
 import torch
 from torch import Tensor
 
-from roam_motion.animation.features import Targets
 from roam_motion.animation.figure import Figure, Frame, orthonormal
 from roam_motion.animation.state import FUTURE, KEY_STRIDE, Characters
+from roam_motion.models.lnsm.features import Targets
 
 _POSE_KEEP = 0.90  # share of a pose difference left after a frame: half gone in 0.22 s
 _ROOT_KEEP = 0.96  # of a place or heading difference: half gone in 0.57 s

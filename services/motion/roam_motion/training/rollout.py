@@ -5,13 +5,14 @@ from dataclasses import fields
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, advance
-from roam_motion.animation.features import Inputs, encode, encode_targets
+from roam_motion.animation.advance import advance
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import Predict
 from roam_motion.animation.state import Characters
+from roam_motion.models.lnsm.config import WHOLE, Parts
+from roam_motion.models.lnsm.features import Inputs, encode, encode_targets
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.expert import returning
-from roam_motion.training.parts import WHOLE, Parts
 
 _LOST = 0.6  # [m] root difference at which a roll-out starts again elsewhere
 
@@ -39,7 +40,7 @@ class Rollout:
         truth, ahead = self.dataset.characters(figure, self.at), self.dataset.targets(figure, self.at)
         positions = figure.positions(characters.hips, characters.orientations)
         root = figure.frame(positions)
-        inputs = self.parts.seen(encode(figure, characters, goals, positions, root))
+        inputs = self.parts.seen(encode(characters, goals, positions, root))
         targets = returning(figure, characters, positions, truth, ahead)
         return inputs, encode_targets(figure, characters, goals, positions, root, targets), goals.active
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from roam_motion.animation.features import network_config
 from roam_motion.animation.figure import Figure
+from roam_motion.models.lnsm import predict as lnsm
+from roam_motion.models.lnsm.config import network_config
 from roam_motion.training.dataset import Dataset
 
 _STARTS = 8  # quiet standing poses that a new character may start from
@@ -42,7 +43,12 @@ def export(checkpoint: Path, path: Path, figure: Figure, dataset: Dataset) -> di
         "hidden": network["first.weight"].shape[2],
     }
     config = network_config(figure.joint_count, **sizes).as_dict()
-    metadata = {"config": json.dumps(config), "skeleton": figure.skeleton.id, "updates": str(state["updates"])}
+    metadata = {
+        "model": lnsm.KEY,
+        "config": json.dumps(config),
+        "skeleton": figure.skeleton.id,
+        "updates": str(state["updates"]),
+    }
     path.parent.mkdir(parents=True, exist_ok=True)
     save_file(tensors, path, metadata)
     scores: dict[str, object] = dict(state["scores"])
