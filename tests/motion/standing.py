@@ -57,6 +57,7 @@ def goals_at(pose: Pose, action: int, *, active: bool) -> Goals:
         active=torch.tensor([float(active)]),
         pose_positions=positions,
         pose_orientations=orientations,
+        feet=torch.zeros(1, 2, 4),
         urgency=torch.zeros(1),
     )
 

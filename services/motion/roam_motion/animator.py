@@ -29,7 +29,7 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\3"
+_MARK = b"ROAM\4"
 # Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
 _HEAD = struct.Struct("<5s6i9d")
 _STANDING, _LYING = -1, 1  # of the head's seat
@@ -223,4 +223,6 @@ def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) 
         lock_weights=planted.clone(),
         settled=torch.zeros(1),
         blend=torch.zeros(1),
+        standing=torch.zeros(1),
+        steps=torch.zeros(1, 2),
     )

@@ -14,6 +14,7 @@ from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.foot_contacts import plant
 from roam_motion.animation.prediction import Answer, Goals, Predict, goal_frame
 from roam_motion.animation.state import FRAME_RATE, Characters
+from roam_motion.animation.stepping import Steps, halted, step
 
 _HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
 _COMMITTED = 0.3  # blending weight from which feet go where the goal pose has them
@@ -35,6 +36,16 @@ class Proposal:
     future: Tensor  # [B, 6, 9] future keys in the world
     seated: Tensor  # [B] the bidirectional weight
     settled: Tensor  # [B] see `Characters`
+    standing: Tensor  # [B] and the rest of `Steps`
+    progress: Tensor  # [B, 2]
+    share: Tensor  # [B, 2]
+    stays: Tensor  # [B, 2]
+    landed: Tensor  # [B, 2]
+
+    @property
+    def steps(self) -> Steps:
+        """What the rule for who stands wants of the feet."""
+        return Steps(self.standing, self.progress, self.share, self.stays, self.landed)
 
 
 def advance(
@@ -70,6 +81,7 @@ def propose(
     # Without an active goal there is nothing to blend with, whatever weight is left from before.
     seated = blend * goals.active
     wanted, orientations = blend_pose(answer, characters, positions, root, goals, facing, seated, settled)
+    steps, wanted = step(figure, characters, goals, positions, wanted)
     return Proposal(
         before=positions,
         wanted=wanted,
@@ -81,6 +93,7 @@ def propose(
         future=_future(characters, answer, root, facing, goals),
         seated=seated,
         settled=settled,
+        **vars(steps),
     )
 
 
@@ -96,9 +109,11 @@ def cleared(
     pushed = torch.zeros_like(wanted[:, :2, 0], dtype=torch.bool)
     if around is not None:
         rows, furniture = around
-        wanted[rows], turned, pushed[rows] = keep_clear(
+        clear, turned, pushed[rows] = keep_clear(
             figure, furniture, wanted[rows], orientations[rows], proposal.settled[rows]
         )
+        stopped = pushed[rows] & (proposal.share[rows] > 0)
+        wanted[rows] = halted(figure, proposal.before[rows], proposal.wanted[rows], clear, stopped)
         # Out of the furniture, but hardly faster than without: a hand pushed as it turns would snap.
         orientations[rows] = limit_turns(figure, characters.orientations[rows], turned, goals.active[rows], _HURRY)
     return replace(proposal, wanted=wanted, orientations=orientations), pushed
@@ -109,6 +124,7 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
     feet = plant(
         figure,
         characters,
+        proposal.steps,
         proposal.before,
         proposal.wanted,
         proposal.orientations,
@@ -131,6 +147,8 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
         lock_weights=feet.weights,
         settled=proposal.settled,
         blend=proposal.seated,
+        standing=proposal.standing,
+        steps=proposal.progress,
     )
     return moved, after
 

@@ -25,6 +25,7 @@ class Goals:
     active: Tensor  # [B] 1 while the goal pose counts (sit, lie): the paper's delta
     pose_positions: Tensor  # [B, J, 3] goal pose
     pose_orientations: Tensor  # [B, J, 3, 3]
+    feet: Tensor  # [B, 2, 4] where both ankles belong (x, z) and where their feet point; directions 0: under the body
     urgency: Tensor  # [B] 0..1: how much a late arrival is drawn to the goal pose (see blending); 0 in training
 
     @staticmethod
@@ -42,6 +43,7 @@ def goal_shapes(joints: int) -> dict[str, tuple[int, ...]]:
         "active": (),
         "pose_positions": (joints, 3),
         "pose_orientations": (joints, 3, 3),
+        "feet": (2, 4),
         "urgency": (),
     }
 

@@ -15,7 +15,7 @@ FUTURE = 6  # keys after now: +1/6 s to +1 s
 KEYS = 13
 ACTIONS = ("idle", "walk", "sit", "lie")
 _STROLL = 0.5, 0.3  # [m] way of the next second from which on that counts as walking, and how gradually
-_ALONE, _OF_JOINT = 358, 12  # numbers of a character: without joints, and of every joint
+_ALONE, _OF_JOINT = 361, 12  # numbers of a character: without joints, and of every joint
 
 
 @dataclass
@@ -32,6 +32,8 @@ class Characters:
     lock_weights: Tensor  # [B, 4] 0 free .. 1 held
     settled: Tensor  # [B] how far the held pose has been drawn onto the goal pose, 0..1
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
+    standing: Tensor  # [B] 0 going .. 1 standing, where feet step by rule (see stepping.py)
+    steps: Tensor  # [B, 2] share of its step by rule that a foot has behind it, 0 on the ground
 
     @staticmethod
     def of(rows: Tensor) -> "Characters":
@@ -63,6 +65,8 @@ def shapes_of(width: int) -> dict[str, tuple[int, ...]]:
         "lock_weights": (4,),
         "settled": (),
         "blend": (),
+        "standing": (),
+        "steps": (2,),
     }
 
 

@@ -15,17 +15,18 @@ from roam_motion.animation.figure import Figure
 from roam_motion.animation.prediction import goal_shapes
 from roam_motion.animation.rows import row_width, split_array
 from roam_motion.animation.state import ACTIONS, FRAME_RATE, KEYS
+from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.paths import way
 from roam_motion.control.planner import Aim, Plan, Steering, Target, follow, plan_keys, wrap
 from roam_motion.control.reclining import Reclining, reclining_of
-from roam_motion.control.seat import Seat, outlines_of, seat_of
+from roam_motion.control.seat import Seat, footing, outlines_of, seat_of
 
 FREE, INTERACT, RISE = 0, 1, 2
 _ARRIVED = 0.14, math.radians(28)  # distance and heading from which the interaction may begin
 _CLOSE = 0.35, math.radians(60)  # good enough when no progress is made
 _PATIENCE = 45  # frames
-_BALANCED = 0.13  # [m] between hips and the middle of the feet, seen from above
+_BALANCED = 0.13  # [m] between hips and where they are when one stands well, seen from above
 _UPRIGHT = 0.86  # [m] hips higher than this: standing
 _LATE = 75  # frames after which sitting down should be over; then the goal pose draws ever more
 _URGENT = 60  # frames until it alone decides
@@ -69,6 +70,7 @@ class Command(NamedTuple):
     active: bool
     seat: Seat | None = None
     urgency: float = 0.0
+    feet: np.ndarray | None = None  # [2, 4] where feet belong (see `Goals`)
 
 
 def control(
@@ -83,7 +85,7 @@ def control(
         x, z = _anchor(aim, bodies[row])
         plan = follow(after[row].plan, aim, x, z, bodies[row].yaw, 1 / FRAME_RATE)
         after[row] = after[row]._replace(plan=plan)
-    walks = _walks([after[row].plan for row in free], aims, [bodies[row] for row in free])
+    walks = _walks(figure, [after[row] for row in free], aims, [bodies[row] for row in free])
     commands.update(zip(free, walks, strict=True))
     return after, [commands[row] for row in range(len(after))]
 
@@ -100,20 +102,23 @@ def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Cont
     return _approach(figure, state, intent, body) if state.mode == FREE else state
 
 
-def _walks(plans: Sequence[Plan], aims: Sequence[Aim], bodies: Sequence[Body]) -> list[Command]:
+def _walks(figure: Figure, states: Sequence[Control], aims: Sequence[Aim], bodies: Sequence[Body]) -> list[Command]:
     """What is asked of those who walk or stand: to go where their plans do."""
-    places, directions = plan_keys(plans, aims)
+    places, directions = plan_keys([state.plan for state in states], aims)
     gone = np.hypot(*(places[:, 4] - places[:, 0]).T).tolist()
     alike = (directions[:, 4] * directions[:, 0]).sum(1).tolist()
     idle, walk = ACTIONS.index("idle"), ACTIONS.index("walk")
     commands = []
-    for row, (plan, body) in enumerate(zip(plans, bodies, strict=True)):
-        feet = body.feet or (body.x, body.z)
+    for row, (state, body) in enumerate(zip(states, bodies, strict=True)):
+        plan = state.plan
+        x, z = _over_feet(body)
         still = gone[row] < 0.1 and alike[row] > 0.95
         # Off balance, or still under way: take a step.
         still = still and math.hypot(plan.vx, plan.vz) < 0.15
-        still = still and math.hypot(feet[0] - body.x, feet[1] - body.z) < _BALANCED
-        commands.append(Command(places[row], directions[row], idle if still else walk, False))
+        still = still and math.hypot(x - body.x, z - body.z) < _BALANCED
+        near = state.seat if state.seat is not None and _before(state.seat, body, *_CLOSE) else None
+        feet = None if near is None else footing(figure, near)
+        commands.append(Command(places[row], directions[row], idle if still else walk, False, feet=feet))
     return commands
 
 
@@ -131,7 +136,8 @@ def _seated(figure: Figure, state: Control, seat: Seat) -> Command:
         elif state.along > 0:
             urgency = max(state.along / _HANDOVER[0], urgency)
     command = _hold(seat.root, ACTIONS.index("lie" if lies else "sit"), seat)
-    return command._replace(urgency=min(max(urgency, 0.0), 1.0))
+    feet = footing(figure, seat) if state.along == 0 else None
+    return command._replace(urgency=min(max(urgency, 0.0), 1.0), feet=feet)
 
 
 def _reclined(way: Reclining, state: Control, body: Body) -> Control:
@@ -157,7 +163,14 @@ def _sat(edge: Seat, state: Control, body: Body) -> bool:
 def _anchor(aim: Aim, body: Body) -> tuple[float, float]:
     """Where the plan belongs: at the root, but when standing still over the feet, or they lean on each other."""
     stands = isinstance(aim, Steering) and math.hypot(aim.vx, aim.vz) < 0.05
-    return body.feet if stands and body.feet is not None else (body.x, body.z)
+    return _over_feet(body) if stands else (body.x, body.z)
+
+
+def _over_feet(body: Body) -> tuple[float, float]:
+    """Where the root of a body is that stands well on its feet: a little before its ankles."""
+    if body.feet is None:
+        return body.x, body.z
+    return body.feet[0] + BEHIND * math.sin(body.yaw), body.feet[1] + BEHIND * math.cos(body.yaw)
 
 
 def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:
@@ -180,13 +193,16 @@ def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Con
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
         seat = seat_of(figure, intent, (body.x, body.z))
-    stand = seat.stand
-    apart = math.hypot(body.x - stand[0], body.z - stand[1])
-    turned = abs(wrap(body.yaw - math.atan2(stand[2], stand[3])))
-    waiting = state.waiting + 1 if apart < _CLOSE[0] and turned < _CLOSE[1] else 0
-    if (apart < _ARRIVED[0] and turned < _ARRIVED[1]) or waiting > _PATIENCE:
+    waiting = state.waiting + 1 if _before(seat, body, *_CLOSE) else 0
+    if _before(seat, body, *_ARRIVED) or waiting > _PATIENCE:
         return state._replace(mode=INTERACT, seat=seat, since=0, waiting=0)
     return state._replace(seat=seat, waiting=waiting)
+
+
+def _before(seat: Seat, body: Body, near: float, turned: float) -> bool:
+    """Whether someone stands before a seat, `near` [m] the place for it and so far turned [rad] at most."""
+    x, z, dx, dz = seat.stand
+    return math.hypot(body.x - x, body.z - z) < near and abs(wrap(body.yaw - math.atan2(dx, dz))) < turned
 
 
 def _aim(figure: Figure, state: Control, intent: Intent) -> Aim:
@@ -218,6 +234,8 @@ def goals_of(figure: Figure, commands: list[Command]) -> np.ndarray:
         goals["positions"][i], goals["directions"][i] = command.places, command.directions
         goals["action"][i, command.action] = 1
         goals["active"][i], goals["urgency"][i] = command.active, command.urgency
+        if command.feet is not None:
+            goals["feet"][i] = command.feet
         if command.seat is not None:
             goals["pose_positions"][i] = command.seat.positions
             goals["pose_orientations"][i] = command.seat.orientations

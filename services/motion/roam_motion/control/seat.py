@@ -1,8 +1,8 @@
 """A goal pose as the controller needs it: where it is, where one stands before it, what the way there goes round.
 
 The paper sets the walking goal 0.3 m in front of the goal feet. In the captured sits people stand *over* their later
-feet when they begin (median 0.00 m), so the standing place is 5 cm in front of them, and farther where the furniture's
-edge would be in the calves.
+feet when they begin (median 0.00 m), so the standing place has their feet there already, or farther away where the
+furniture's edge would be in the calves.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,12 @@ from roam_character.volume import Volume
 
 from roam_motion.animation.collision import furniture_of, goal_depths
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.proportions import size
+from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Outline, Place, edge
 
-_STAND_AHEAD = 0.05  # [m] standing place in front of the goal's ankles
+_HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
 _LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
 _CALVES = 0.16  # [m] standing place in front of the furniture's edge
 _STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most
@@ -114,11 +116,27 @@ def _posture(figure: Figure, goal: Goal) -> tuple[np.ndarray, np.ndarray, np.nda
 def _sitting(figure: Figure, goal: Goal) -> Seat:
     positions, orientations, root = _posture(figure, goal)
     hips, facing = root[:2], root[2:]
-    feet = _ankles(figure, positions) + _STAND_AHEAD * facing
+    feet = _ankles(figure, positions) + BEHIND * size(figure) * facing
     short = edge(_pair(hips), _pair(facing), goal.obstacles) + _CALVES - float((feet - hips) @ facing)
     place = feet + min(max(short, 0.0), _STEP_BACK) * facing
     stand = np.concatenate([place, facing]).astype(np.float32)
     return Seat(positions, orientations, root, stand, False, goal.volume, _depths(figure, goal))
+
+
+@lru_cache(maxsize=512)
+def footing(figure: Figure, seat: Seat) -> np.ndarray | None:
+    """Where both ankles belong before one sits down (x, z), and where their feet point [2, 4]: as they are in the pose.
+
+    In front of the furniture where the pose has them under it; None where they do not stand on the floor.
+    """
+    joints = seat.positions[figure.contacts.numpy()].reshape(2, 2, 3)
+    ankles, ways = joints[:, 0], (joints[:, 1] - joints[:, 0])[:, [0, 2]]
+    if seat.lying or ankles[:, 1].max() > _HANGING * size(figure):
+        return None
+    place, facing = seat.stand[:2] - BEHIND * size(figure) * seat.stand[2:], seat.stand[2:]
+    out = max(float((place - ankles[:, [0, 2]].mean(0)) @ facing), 0.0)
+    ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-6)
+    return np.concatenate([ankles[:, [0, 2]] + out * facing, ways], 1).astype(np.float32)
 
 
 @lru_cache(maxsize=512)

@@ -75,6 +75,8 @@ class Dataset:
             lock_weights=contacts.clone(),
             settled=torch.zeros(batch),
             blend=torch.zeros(batch),
+            standing=torch.zeros(batch),
+            steps=torch.zeros(batch, 2),
         )
 
     def emphasised(self, factor: float, frames: int = 60) -> "Dataset":
@@ -104,6 +106,7 @@ class Dataset:
             active=self.goal_active[safe] * fixed,
             pose_positions=self.goal_positions[safe],
             pose_orientations=self.goal_orientations[safe],
+            feet=torch.zeros(len(at), 2, 4),
             urgency=torch.zeros(len(at)),
         )
 
