@@ -10,6 +10,7 @@ from roam_character.rotation import quat_from_rotvec
 from roam_character.skeleton import humanoid_skeleton
 from roam_motion.animation.collision import furniture_of
 from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animation.state import characters_width
 from roam_motion.animator import Animator, CharacterState
 from roam_motion.control.controller import INTERACT, RISE, Body, Control
 from roam_motion.control.intent import Goal, Idle
@@ -140,7 +141,9 @@ def test_whoever_is_called_while_lying_down_turns_round_without_a_jump():
     goal = bed()
     state, down = obedient(Control(Plan(0, 0), INTERACT, seat_of(FIGURE, goal, (2.0, 0.0))), goal, 75)
     assert 0 < state.along < way().last
-    again = CharacterState.from_bytes(CharacterState(np.zeros(358 + 12 * 22, np.float32), state).to_bytes()).control
+    again = CharacterState.from_bytes(
+        CharacterState(np.zeros(characters_width(22), np.float32), state).to_bytes()
+    ).control
     assert (again.along, again.pace) == (state.along, state.pace)
     _, up = obedient(state, Idle(), 30)
     shown = np.stack([command.seat.positions for _, command in [*down[-30:], *up] if command.active])

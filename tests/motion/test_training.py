@@ -111,7 +111,7 @@ def test_the_expert_asks_for_the_data_when_on_the_track_and_returns_to_it_when_o
     moved = FIGURE.positions(off.hips, off.orientations)
     back = returning(FIGURE, off, moved, truth, ahead)
     assert 0.0 < float((moved[:, 0] - back.positions[:, 0])[0, 0]) < 0.05
-    goals, root = dataset.goals(at), FIGURE.frame(moved)
+    goals, root = dataset.goals(FIGURE, at), FIGURE.frame(moved)
     assert torch.isfinite(encode_targets(FIGURE, off, goals, moved, root, back)).all()
 
 

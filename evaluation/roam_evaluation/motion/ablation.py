@@ -95,7 +95,7 @@ def trained(figure: Figure, dataset: Dataset, variant: Variant, seed: int, updat
 def step_error(figure: Figure, dataset: Dataset, learner: Learner) -> dict[str, float]:
     """One step from held-out states: mean joint error of the forward answer [mm], and of contacts [percent wrong]."""
     at = starts(dataset, torch.Generator().manual_seed(2), count=2048)
-    characters, goals = dataset.characters(figure, at), dataset.goals(at)
+    characters, goals = dataset.characters(figure, at), dataset.goals(figure, at)
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
     answer = learner.predict(averaged=True)(characters, goals, positions, root)

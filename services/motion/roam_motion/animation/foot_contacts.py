@@ -27,7 +27,11 @@ _LIFT = 0.03  # [m] height of that step
 _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
 _FLATTEST = 0.99  # share of a foot's length that it covers of the floor at most
 _REACH = 0.998  # share of the leg's length that counts as straight
-_FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking at 0.9 m/s (3 m/s) and when seated
+_FASTEST = (
+    0.10,
+    0.06,
+    0.07,
+)  # [m] an ankle moves per frame at most, walking at 0.9 m/s (3 m/s), seated, stepping by rule
 _FASTER = 0.075, 0.9, 1.3  # [m] that it may move farther when walking faster: all of it at 1.3 m/s
 _YIELD = 0.012  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
@@ -60,10 +64,10 @@ def plant(
 ) -> Planted:
     """Brings the feet to where they belong.
 
-    Args: `steps` that the rule for standing asks for, `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the blended ones, `orientations` [B, J, 3, 3],
-    `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B, 4] 1 where they belong on the
-    floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether furniture is where the shin of a foot
-    would be: such a foot is not held.
+    Args: `steps` that the rule for standing asks for, `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the
+    blended ones, `orientations` [B, J, 3, 3], `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight,
+    `floor` [B, 4] 1 where they belong on the floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether
+    furniture is where the shin of a foot would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
     last = before[:, figure.contacts]
@@ -74,7 +78,7 @@ def plant(
     ankle = _ankles(track, locks, weights, eased, arms, seated)
     arms = torch.lerp(arms, track[:, 1::2] - track[:, ::2], steps.share[..., None])
     hurry = _hurry(characters)
-    ankle = _not_too_fast(last[:, ::2], ankle, seated, hurry)
+    ankle = _not_too_fast(last[:, ::2], ankle, steps, seated, hurry)
     toes = last[:, 1::2]
     arms = _not_too_far(toes, ankle + arms, (_FASTEST_TOES + hurry)[..., None]) - ankle
     arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
@@ -170,9 +174,10 @@ def _hurry(characters: Characters) -> Tensor:
     return more * ((speed - least) / (most - least)).clamp(0.0, 1.0)
 
 
-def _not_too_fast(before: Tensor, ankle: Tensor, seated: Tensor, hurry: Tensor) -> Tensor:
+def _not_too_fast(before: Tensor, ankle: Tensor, steps: Steps, seated: Tensor, hurry: Tensor) -> Tensor:
     """Ankle targets no farther from the last shown ones than feet move in a frame."""
     most = torch.where(seated[:, None] > 0.5, hurry.new_full((), _FASTEST[1]), _FASTEST[0] + hurry)
+    most = torch.lerp(most.expand(-1, 2), most.new_full((), _FASTEST[2]).expand_as(steps.share), steps.share)
     return _not_too_far(before, ankle, most[..., None])
 
 

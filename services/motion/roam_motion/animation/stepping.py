@@ -24,8 +24,8 @@ _OUT = math.radians(12)  # toes turned out: captured standing 3 / 15 / 24 degree
 _GONE = 0.13, 0.22  # [m] way of the goals in a second below which one stands, above which one goes; tuned on turns
 _CHANGE = 1 / 6  # per frame, from going to standing and back
 _KEY = 2  # of the goals: feet step to where the body will be in a third of a second
-# A foot steps that is so far from its place on the floor [m], turned from it [rad] (people's: 17 degrees in the median),
-# or whose heel is up [m].
+# A foot steps that is so far from its place on the floor [m], turned from it [rad] (people's: 17 degrees, median), or
+# whose heel is up [m].
 _MISPLACED = 0.14, math.radians(30), 0.035
 _EXACTLY = 0.06  # [m] the same, before a seat: captured feet move 0.02 to 0.04 m after contact with it
 _OVER_SEAT = 0.15  # [m] over the goal's hips the seat begins to count: nobody steps any more
@@ -36,8 +36,16 @@ _FLAT = 0.081  # [m] height of the ankle of a foot that stands, captured
 _LEVEL = 0.393  # of a flat foot's length: the ankle is higher than the toes by so much, captured
 _AIRBORNE = 0.105  # [m] an ankle higher than this does not stand
 _UPRIGHT = 0.80  # share of the hips' standing height from which one stands: seated hips are at 0.55 to 0.7 of it
+_STEPPING = 0.90  # the same, from which one begins a step: nobody lifts a foot who sits down already
 _TALL = 0.985  # share of its length to which the straighter leg is stretched: captured standing 0.974 / 0.983 / 0.985
 _RISE = 0.006, 0.12  # [m], and share of what is missing, that hips rise per frame at most
+
+
+def pose_feet(figure: Figure, positions: Tensor) -> Tensor:
+    """Where the feet of poses with joints [B, J, 3] are, as `Goals.feet` [B, 2, 4]; 0 where they hang in the air."""
+    joints = positions[:, figure.contacts].unflatten(1, (2, 2))
+    feet = torch.cat([joints[:, :, 0, ::2], unit((joints[:, :, 1] - joints[:, :, 0])[..., ::2])], -1)
+    return feet * (joints[:, :, 0, 1].amax(1) < _AIRBORNE * size(figure)).float()[:, None, None]
 
 
 @dataclass(frozen=True)
@@ -54,13 +62,21 @@ class Steps:
 def step(figure: Figure, characters: Characters, goals: Goals, before: Tensor, wanted: Tensor) -> tuple[Steps, Tensor]:
     """The rule's steps, and `wanted` [B, J, 3] with the feet where they are on them. `before` [B, J, 3] shown last."""
     last = before[:, figure.contacts]
-    standing = _standing(figure, characters, goals)
+    high = characters.hips[:, 1] / standing_height(figure)
+    standing = _standing(figure, characters, goals, high)
     ruled = (standing > 0.5)[:, None]
     places, ways = _places(figure, goals)
     ankle, arm = last[:, ::2], last[:, 1::2] - last[:, ::2]
     landed = characters.steps >= 1
     gone = torch.where(landed, torch.zeros_like(characters.steps), characters.steps)
-    gone = _begun(figure, characters, gone, ankle, _error(figure, goals, ankle, arm, places, ways), ruled)
+    gone = _begun(
+        figure,
+        characters,
+        gone,
+        ankle,
+        _error(figure, goals, ankle, arm, places, ways),
+        ruled & (high > _STEPPING)[:, None],
+    )
     moving = (gone > 0) & (standing > 0)[:, None]
     progress = torch.where(moving, (gone + 1 / _FRAMES).clamp_max(1.0), torch.zeros_like(gone))
     progress = torch.where(progress > 1 - 0.5 / _FRAMES, progress.new_ones(()), progress)
@@ -101,13 +117,17 @@ def rise(figure: Figure, steps: Steps, joints: Tensor, ankles: Tensor) -> Tensor
     return torch.stack([torch.zeros_like(up), steps.standing * up, torch.zeros_like(up)], -1)
 
 
-def _standing(figure: Figure, characters: Characters, goals: Goals) -> Tensor:
+def standing_height(figure: Figure) -> float:
+    """The hips' height over the floor on straight legs [m]."""
+    return leg_length(figure) - float(figure.offsets[figure.legs[:, 0], 1].mean()) + _FLAT * size(figure)
+
+
+def _standing(figure: Figure, characters: Characters, goals: Goals, high: Tensor) -> Tensor:
     """How much each one stands [B]: with goals that lead nowhere, upright, or not yet near the seat that it takes."""
     gone = vector_norm(goals.positions[:, 6] - goals.positions[:, 0], dim=-1) / size(figure)
-    tall = leg_length(figure) - figure.offsets[figure.legs[:, 0], 1].mean() + _FLAT * size(figure)
     change = (gone < _GONE[0]).float() - (gone > _GONE[1]).float()
     seat = goals.pose_positions[:, 0, 1] + _OVER_SEAT * size(figure)
-    able = torch.where(goals.active > 0.5, characters.hips[:, 1] > seat, characters.hips[:, 1] > _UPRIGHT * tall)
+    able = torch.where(goals.active > 0.5, characters.hips[:, 1] > seat, high > _UPRIGHT)
     able = able & ((goals.active < 0.5) | _given(goals))
     change = torch.where(able, change, -torch.ones_like(change))
     return (characters.standing + _CHANGE * change).clamp(0.0, 1.0)

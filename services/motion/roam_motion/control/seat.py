@@ -17,11 +17,10 @@ from roam_character.volume import Volume
 from roam_motion.animation.collision import furniture_of, goal_depths
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.proportions import size
-from roam_motion.animation.stepping import BEHIND
+from roam_motion.animation.stepping import BEHIND, pose_feet
 from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Outline, Place, edge
 
-_HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
 _LIE_ASIDE = 0.38  # [m] standing place beside the lying hips
 _CALVES = 0.16  # [m] standing place in front of the furniture's edge
 _STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most
@@ -129,14 +128,13 @@ def footing(figure: Figure, seat: Seat) -> np.ndarray | None:
 
     In front of the furniture where the pose has them under it; None where they do not stand on the floor.
     """
-    joints = seat.positions[figure.contacts.numpy()].reshape(2, 2, 3)
-    ankles, ways = joints[:, 0], (joints[:, 1] - joints[:, 0])[:, [0, 2]]
-    if seat.lying or ankles[:, 1].max() > _HANGING * size(figure):
+    feet = pose_feet(figure, torch.from_numpy(seat.positions)[None])[0].numpy()
+    if seat.lying or not feet.any():
         return None
     place, facing = seat.stand[:2] - BEHIND * size(figure) * seat.stand[2:], seat.stand[2:]
-    out = max(float((place - ankles[:, [0, 2]].mean(0)) @ facing), 0.0)
-    ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-6)
-    return np.concatenate([ankles[:, [0, 2]] + out * facing, ways], 1).astype(np.float32)
+    out = max(float((place - feet[:, :2].mean(0)) @ facing), 0.0)
+    feet[:, :2] += out * facing
+    return np.asarray(feet)
 
 
 @lru_cache(maxsize=512)

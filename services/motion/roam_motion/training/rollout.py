@@ -36,7 +36,7 @@ class Rollout:
     def example(self) -> tuple[Inputs, Tensor, Tensor]:
         """Inputs, expert output [B, O], and whether the goal is active [B], for the present states."""
         figure, characters = self.figure, self.characters
-        goals = self.dataset.goals(self.at)
+        goals = self.dataset.goals(self.figure, self.at)
         truth, ahead = self.dataset.characters(figure, self.at), self.dataset.targets(figure, self.at)
         positions = figure.positions(characters.hips, characters.orientations)
         root = figure.frame(positions)
@@ -50,7 +50,7 @@ class Rollout:
 
         Returns the mean root difference from the data [m].
         """
-        goals = self.dataset.goals(self.at)
+        goals = self.dataset.goals(self.figure, self.at)
         after, positions, _ = advance(self.figure, predict, self.characters, goals, self.parts.blending())
         self.at = self.at + 1
         away = (positions[:, 0, [0, 2]] - self.dataset.root[self.at, :2]).norm(dim=-1)
