@@ -56,7 +56,7 @@ class LifeOfASession(RuleBasedStateMachine):
             SETTINGS,
             CollectorRegistry(),
             store=self.store,
-            restore=Place.from_bytes,
+            restore=Place.joined,
         )
         self.run(replica.ownership.renew())
         return replica

@@ -57,7 +57,7 @@ async def replica(store):
             settings,
             CollectorRegistry(),
             store=store,
-            restore=Place.from_bytes,
+            restore=Place.joined,
             build=build,
         )
         made.append(replica)

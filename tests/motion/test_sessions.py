@@ -38,7 +38,7 @@ async def application(clock):
         settings,
         CollectorRegistry(),
         clock=clock,
-        restore=Place.from_bytes,
+        restore=Place.joined,
     )
     await application.ownership.renew()
     yield application

@@ -4,6 +4,7 @@ import shutil
 import socket
 import subprocess
 import time
+from dataclasses import replace
 
 import fakeredis
 import numpy as np
@@ -11,7 +12,15 @@ import pytest
 from roam_character.skeleton import humanoid_skeleton
 from roam_character.volume import Volume
 from roam_motion.animator import Goal, Idle, Steer
-from roam_motion.session.records import ControlChange, ControlEntry, Event, EventKind, SessionRecord, Snapshot
+from roam_motion.session.records import (
+    ControlChange,
+    ControlEntry,
+    Event,
+    EventKind,
+    SessionRecord,
+    Snapshot,
+    volumes_of,
+)
 from roam_motion.session.store.base import HeldElsewhereError, MissingError, StoreDownError, SupersededError
 from roam_motion.session.store.codec import RecordCodec
 from roam_motion.session.store.memory import MemoryStore
@@ -67,6 +76,7 @@ def snapshot(sequence, **changes):
     fields = {
         "sequence": sequence,
         "state": bytes(range(256)),
+        "volume": None,
         "change": ControlChange(Idle(), "mine"),
         "paused": False,
         "last_control_id": 3,
@@ -114,6 +124,61 @@ async def test_a_living_owner_is_respected_and_a_silent_one_is_not(store):
         except HeldElsewhereError:
             time.sleep(0.02)
     assert claim.token == 2
+
+
+def goal(value):
+    """A goal whose furniture is a block of one value."""
+    volume = Volume(np.zeros(3, np.float32), 0.04, 0.0, np.full((20, 20, 20), value, np.int8))
+    return ControlChange(Goal(seated_pose(), volume=volume), "chair")
+
+
+async def test_furniture_is_kept_once_and_only_while_something_names_it(store):
+    """Snapshots and controls of one goal hold its furniture together; a later goal replaces it."""
+    await store.create(RECORD, ONE, snapshot(0))
+    first, second = goal(1), goal(2)
+    for sequence in range(1, 9):
+        change = first if sequence < 5 else second
+        await store.log(RECORD.name, 1, ControlEntry(sequence, sequence, change))
+        state = snapshot(sequence, change=change, volume=change.intent.volume)
+        await store.save(RECORD, ONE, 1, state, keep_from=max(0, sequence - 3))
+    if isinstance(store, RedisStore):
+        fields = await store._redis.hkeys(f"roam:session:{RECORD.name}")
+        assert [key for key in fields if key.startswith(b"v:")] == [f"v:{second.intent.volume.digest}".encode()]
+    claim = await store.claim(RECORD.name, TWO)
+    assert [kept.sequence for kept in claim.snapshots] == [5, 6, 7, 8]
+    assert {kept.volume.packed for kept in claim.snapshots} == {second.intent.volume.packed}
+    assert {entry.change.intent.volume.packed for entry in claim.controls} == {second.intent.volume.packed}
+
+
+async def test_of_two_controls_of_one_frame_the_newer_is_kept(store):
+    await store.create(RECORD, ONE, snapshot(0))
+    for number in range(1, 200):
+        await store.log(RECORD.name, 1, ControlEntry(number, 7, PAUSE, (number - 1,)))
+    claim = await store.claim(RECORD.name, TWO)
+    assert claim.controls == (ControlEntry(199, 7, PAUSE, (198,)),)
+
+
+async def test_another_key_finds_nothing(store):
+    await store.create(replace(RECORD, owner="studio"), ONE, snapshot(0))
+    assert await store.claim(RECORD.name, TWO) is None
+    assert await store.claim(RECORD.name, TWO, "guest") is None
+    other = SessionRecord("sessions/2", "t", RECORD.request_id, "s", 0.0, 60.0, 0.0, owner="guest")
+    assert await store.create(other, TWO, snapshot(0)) == other.name
+    assert (await store.claim(RECORD.name, TWO, "studio")).token == 2
+
+
+async def test_a_redis_that_is_nearly_full_says_so(redis_url):
+    store = RedisStore.at(redis_url, CODEC)
+    await store.renew(ONE, 1.0)
+    assert not store.nearly_full
+    used = (await store._redis.info("memory"))["used_memory"]
+    await store._redis.config_set("maxmemory", int(used * 1.2))
+    await store.renew(ONE, 1.0)
+    full = store.nearly_full
+    await store._redis.config_set("maxmemory", 0)
+    await store.renew(ONE, 1.0)
+    assert (full, store.nearly_full) == (True, False)
+    await store.close()
 
 
 async def test_the_old_token_changes_nothing_any_more(store):
@@ -202,7 +267,7 @@ async def test_a_redis_that_is_not_there_is_down():
 )
 def test_an_intent_that_is_written_down_comes_back_to_the_bit(intent):
     entry = ControlEntry(3, 9, ControlChange(intent, "mine"))
-    again = CODEC.control(CODEC.encode(entry))
+    again = CODEC.control(CODEC.encode(entry), {volume.digest: volume for volume in volumes_of(entry.change)})
     assert (again.control_id, again.effective, again.change.goal_name) == (3, 9, "mine")
     assert type(again.change.intent) is type(intent)
     assert CODEC.encode(again) == CODEC.encode(entry)

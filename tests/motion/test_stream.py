@@ -31,7 +31,7 @@ async def application():
         Walker.skeleton,
         settings,
         CollectorRegistry(),
-        restore=Place.from_bytes,
+        restore=Place.joined,
     )
     await application.ownership.renew()
     yield application

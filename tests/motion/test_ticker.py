@@ -28,7 +28,7 @@ async def application(walker):
         Walker.skeleton,
         MotionSettings(burst_frames=4),
         CollectorRegistry(),
-        restore=Place.from_bytes,
+        restore=Place.joined,
     )
     await application.ownership.renew()
     yield application

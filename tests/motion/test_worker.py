@@ -3,11 +3,12 @@
 import os
 import pickle
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from roam_motion.animator import CharacterState, Goal, Idle, Steer
-from roam_motion.session.worker import WorkerProcess, _Worker, _WorkerLink, build_name, frames_of
+from roam_motion.session.worker import CulpritError, WorkerProcess, _Worker, _WorkerLink, build_name, frames_of
 from standing import random_animator, seated_pose
 
 
@@ -28,6 +29,17 @@ def load_poisoned(weights):
         return step(states, intents)
 
     return poisoned
+
+
+def load_deadly(weights):
+    step = random_animator().step
+
+    def deadly(states, intents):
+        if any(isinstance(intent, Steer) and intent.velocity[0] > 5 for intent in intents):
+            os._exit(7)
+        return step(states, intents)
+
+    return deadly
 
 
 @pytest.fixture(scope="module")
@@ -104,13 +116,47 @@ def test_one_bad_character_does_not_stop_the_others():
     process.close()
 
 
+def test_who_kills_the_process_every_time_is_found_and_the_others_go_on():
+    """Two of five do: each gets an error, the other three the frames that they would have had anyway."""
+    process = WorkerProcess("none", load=load_deadly)
+    animator = random_animator()
+    states, intents = cast()
+    deadly = Steer(np.float32([6.0, 0.0]))
+    mixed = [(states[0], intents[0]), (states[1], deadly), (states[1], intents[1]), (states[2], deadly)]
+    mixed.append((states[2], intents[2]))
+    try:
+        results = process.frames([state for state, _ in mixed], [[intent] * 2 for _, intent in mixed])
+        again = process.frames(states, [[intent] for intent in intents])
+    finally:
+        process.close()
+    assert [isinstance(of_one[-1], CulpritError) for of_one in results] == [False, True, False, True, False]
+    plain = frames_of(animator.step, states[:3], [[intent] * 2 for intent in intents[:3]])
+    survived = [of_one for of_one in results if not isinstance(of_one[-1], Exception)]
+    pairs = [(a, b) for one, other in zip(survived, plain, strict=True) for a, b in zip(one, other, strict=True)]
+    assert all(a[0].to_bytes() == b[0].to_bytes() for a, b in pairs)
+    assert len(again) == len(states)
+
+
+def test_when_all_fail_each_is_told(process_that_fails):
+    states, _ = cast()
+    results = process_that_fails.frames(states, [[Steer(np.float32([6.0, 0.0]))]] * len(states))
+    assert [str(of_one[-1]) for of_one in results] == ["poisoned"] * len(states)
+
+
+@pytest.fixture
+def process_that_fails():
+    process = WorkerProcess("none", load=load_poisoned)
+    yield process
+    process.close()
+
+
 def test_a_network_that_cannot_be_loaded_is_told():
     with pytest.raises(ValueError, match="no weights at nowhere"):
         WorkerProcess("nowhere", load=load_nothing)
 
 
 def test_the_process_forgets_what_the_server_has_let_go():
-    worker = _Worker(random_animator().step)
+    worker = _Worker(random_animator().step, SimpleNamespace(value=0))
     link = _WorkerLink(Loop(worker))
     states, intents = cast()
     states, _ = played(link.frames, states, intents, 5)
@@ -128,6 +174,9 @@ class Loop:
 
     def send_bytes(self, data):
         self.answer = pickle.dumps(self.worker.answer(pickle.loads(data)))
+
+    def poll(self, seconds):
+        return True
 
     def recv_bytes(self):
         return self.answer

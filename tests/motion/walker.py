@@ -20,11 +20,16 @@ class Place:
     position: tuple[float, float]
     seed: int
 
-    def to_bytes(self):
-        return orjson.dumps([self.position, self.seed])
+    @property
+    def place(self):
+        return self.position
+
+    def split(self):
+        return orjson.dumps([self.position, self.seed]), None
 
     @staticmethod
-    def from_bytes(data):
+    def joined(data, volume):
+        assert volume is None
         position, seed = orjson.loads(data)
         return Place(tuple(position), seed)
 

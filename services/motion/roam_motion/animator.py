@@ -42,24 +42,40 @@ class CharacterState:
     row: np.ndarray  # [D] its row of `Characters`
     control: Control
 
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where it is on the floor: x, z [m] of the hips."""
+        x, _, z = split_array(self.row[None], shapes_of(len(self.row)))["hips"][0].tolist()
+        return x, z
+
     def to_bytes(self) -> bytes:
-        """Exact serialised form: a head; the row, the seat and its depths as float32; the furniture's volume.
+        """Exact serialised form: a head; the row, the seat and its depths as float32; the furniture's volume."""
+        head, volume = self.split()
+        return head + (volume.packed if volume else b"")
+
+    def split(self) -> tuple[bytes, Volume | None]:
+        """The same in two: what changes from frame to frame, and the furniture, which many states share.
 
         A server writes thousands a minute.
         """
         memory, seat = self.control, self.control.seat
-        parts, tail, kind = [self.row], b"", _STANDING
+        parts, volume, kind = [self.row], None, _STANDING
         if seat is not None:
             parts += [getattr(seat, name) for name in _SEAT_FIELDS]
             kind = _LYING if seat.lying else 0
             if seat.volume is not None and seat.depths is not None:
                 parts.append(seat.depths)
-                tail = seat.volume.packed
-        depths = len(parts[-1]) if tail else 0
+                volume = seat.volume
+        depths = len(parts[-1]) if volume else 0
         times = memory.clock, memory.along, memory.pace
         integers = memory.mode, memory.since, memory.waiting, kind, len(self.row), depths
         head = _HEAD.pack(_MARK, *integers, *memory.plan, *times)
-        return head + b"".join(part.astype("<f4").tobytes() for part in parts) + tail
+        return head + b"".join(part.astype("<f4").tobytes() for part in parts), volume
+
+    @staticmethod
+    def joined(head: bytes, volume: Volume | None) -> "CharacterState":
+        """The state that `split` took apart. ValueError when the bytes are something else."""
+        return CharacterState.from_bytes(head + (volume.packed if volume else b""))
 
     @staticmethod
     def from_bytes(data: bytes) -> "CharacterState":

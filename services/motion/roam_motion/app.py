@@ -18,10 +18,12 @@ from roam_serving.readiness import Readiness
 from roam_serving.server import Addresses, running, serve
 from roam_serving.skeletons import skeleton_message
 
+from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
 from roam_motion.api import rpc
 from roam_motion.api.http import motion_router
 from roam_motion.api.websocket import websocket_router
+from roam_motion.control.plausibility import check_goal
 from roam_motion.session.application import MotionApplication
 from roam_motion.session.store.base import SessionStore
 from roam_motion.session.store.codec import RecordCodec
@@ -92,7 +94,9 @@ class MotionService:
             store=_store(self._settings, self._skeleton),
             frames=self._worker.frames if self._worker else None,
             build=build_name(digest),
+            check_goal=partial(check_goal, humanoid_figure()),
             on_health=partial(_tell_health, readiness),
+            on_failure=partial(readiness.fail, "motion"),
         )
         await self._application.start()
 

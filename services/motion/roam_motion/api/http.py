@@ -9,6 +9,7 @@ from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import StreamingResponse
 from sse_starlette import EventSourceResponse
 
+from roam_motion.api import validation
 from roam_motion.api.schemas import ControlJson, ControlledJson, CreateSessionJson, SessionJson, SessionsJson, item_json
 from roam_motion.session.application import MotionApplication
 from roam_motion.session.session import FrameRecord
@@ -69,9 +70,9 @@ def _add_frames(router: APIRouter, application: Callable[[], MotionApplication])
         after_sequence: Annotated[int, Query(ge=0, lt=1 << 32, description="last frame you have")] = 0,
         positions: Annotated[bool, Query(description="also send joint positions")] = False,
         accept: Annotated[str, Header()] = "",
-        last_event_id: Annotated[int, Header(ge=0, lt=1 << 32)] = 0,
+        last_event_id: Annotated[str, Header(description="as EventSource sends it; counts more than the query")] = "",
     ) -> Response:
-        options = StreamOptions(Pacing(pacing), after_sequence or last_event_id)
+        options = StreamOptions(Pacing(pacing), validation.event_id(last_event_id) or after_sequence)
         lines = frame_lines(application(), f"sessions/{session}", options, count=count, positions=positions)
         first = await anext(lines)  # errors of opening come before the status line
         if "text/event-stream" in accept:

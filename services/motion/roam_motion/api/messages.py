@@ -94,6 +94,7 @@ def _event_message(event: Event) -> motion_pb2.SessionEvent:
         type=motion_pb2.EventType.Value(f"EVENT_TYPE_{event.kind.name}"),
         sequence=event.sequence,
         message=event.message,
+        reason=event.reason,
         control_id=event.control_id,
         goal_pose=event.goal_pose,
         skipped_count=event.skipped_count,
@@ -165,7 +166,7 @@ def session_request(message: motion_pb2.CreateSessionRequest, skeleton: Skeleton
 
 def control_request(message: motion_pb2.ControlInput, skeleton: Skeleton) -> ControlRequest:
     """What a control asks for, checked; INVALID_ARGUMENT or GOAL_INVALID name the field that is wrong."""
-    return ControlRequest(message.control_id, _change(message, skeleton))
+    return ControlRequest(validation.control_id(message.control_id), _change(message, skeleton))
 
 
 def _change(message: motion_pb2.ControlInput, skeleton: Skeleton) -> ControlChange:
@@ -173,7 +174,8 @@ def _change(message: motion_pb2.ControlInput, skeleton: Skeleton) -> ControlChan
     if kind == "steer":
         return ControlChange(_steer(message.steer))
     if kind == "goal":
-        return ControlChange(_goal(message.goal, skeleton), message.goal.goal_pose)
+        name = validation.short(message.goal.goal_pose, "control.goal.goal_pose")
+        return ControlChange(_goal(message.goal, skeleton), name)
     if kind == "playback":
         return ControlChange(paused=message.playback.paused)
     raise ServiceError(INVALID_ARGUMENT, "a control needs one of steer, goal or playback", field="control.input")

@@ -108,7 +108,7 @@ class GoalJson(_Strict):
     action: str = Field(
         next(iter(GOAL_ACTIONS)), description="what to do there", json_schema_extra={"enum": list(GOAL_ACTIONS)}
     )
-    goal_pose: str = Field("", description="its name, repeated in events")
+    goal_pose: str = Field("", max_length=256, description="its name, repeated in events")
     approach: Number | None = Field(None, description="lying: heading from the hips to the open side [rad]")
     obstacles: list[list[tuple[Number, Number]]] = Field(
         [],
@@ -137,7 +137,7 @@ class PlaybackJson(_Strict):
 class ControlJson(_Strict):
     """Body of POST /v1/sessions/{id}/control: one of steer, goal and playback."""
 
-    control_id: int = Field(0, ge=0, lt=1 << 64, description="client-chosen 1, 2, 3, …; 0 takes the next free one")
+    control_id: int = Field(0, ge=0, lt=1 << 63, description="client-chosen 1, 2, 3, …; 0 takes the next free one")
     steer: SteerJson | None = None
     goal: GoalJson | None = None
     playback: PlaybackJson | None = None
@@ -240,7 +240,7 @@ def _event_json(event: Event) -> dict[str, Any]:
         "sequence": event.sequence,
         "message": event.message,
     }
-    for field in ("control_id", "goal_pose", "skipped_count"):
+    for field in ("reason", "control_id", "goal_pose", "skipped_count"):
         if value := getattr(event, field):
             body[field] = value
     return body

@@ -21,7 +21,34 @@ from roam_motion.errors import GOAL_INVALID
 
 _FASTEST = 10.0  # [m/s] a steered character; sprinters reach 12, so anything above is a unit error
 _FARTHEST = 1e4  # [m] from the origin; float32 still resolves a millimetre there
+_LONGEST_NAME = 256  # characters
+_MOST_CONTROLS = 1 << 63  # of a session; the protocol's number has 64 bits, and the next one must fit
 _MOST_OBSTACLES, _MOST_CORNERS = 64, 128  # of a goal, of an outline
+
+
+def control_id(number: int) -> int:
+    """A control's id; INVALID_ARGUMENT where no further one could follow."""
+    if not 0 <= number < _MOST_CONTROLS:
+        raise ServiceError(INVALID_ARGUMENT, "count controls 1, 2, 3, …", field="control.control_id")
+    return number
+
+
+def event_id(text: str) -> int:
+    """The sequence in a Last-Event-ID header, 0 where it is empty; INVALID_ARGUMENT when it is not one of ours."""
+    if not text.strip():
+        return 0
+    if not text.isascii() or not text.isdigit() or int(text) >= 1 << 32:
+        detail = "must be the sequence of a frame, as events carry it"
+        raise ServiceError(INVALID_ARGUMENT, detail, field="last-event-id")
+    return int(text)
+
+
+def short(text: str, field: str) -> str:
+    """A name of the client's own; INVALID_ARGUMENT when it is too long to be repeated in events."""
+    if len(text) > _LONGEST_NAME:
+        detail = f"at most {_LONGEST_NAME} characters, not {len(text):,}"
+        raise ServiceError(INVALID_ARGUMENT, detail, field=field)
+    return text
 
 
 def finite(value: float, field: str) -> float:
@@ -40,6 +67,8 @@ def pose(skeleton: Skeleton, skeleton_id: str, position: np.ndarray, rotations: 
     if skeleton_id not in ("", skeleton.id):
         detail = f"the session animates {skeleton.id}, the pose is of {skeleton_id}"
         raise ServiceError(SKELETON_NOT_FOUND, detail, field=f"{field}.skeleton_id")
+    for coordinate in np.ravel(position).tolist():
+        finite(coordinate, f"{field}.root_position")
     try:
         found = Pose(skeleton, position, rotations)
     except ValueError as error:

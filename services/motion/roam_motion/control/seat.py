@@ -85,6 +85,8 @@ def _walled(volume: Volume, hips: np.ndarray, side: np.ndarray, reach: float) ->
     ways, heights = np.meshgrid(np.arange(_WALL_STEP * 3, reach + _CALVES, _WALL_STEP), _WALL, indexing="ij")
     flat = ways.ravel()[:, None] * side
     points = hips + np.stack([flat[:, 0], heights.ravel(), flat[:, 1]], 1)
+    if not len(points):  # the furniture ends beside the hips
+        return False
     gap, _ = furniture.distance(torch.tensor(points, dtype=torch.float32)[None])
     return bool(gap.min() < 0.6 * _WALL_STEP)
 

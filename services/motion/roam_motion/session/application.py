@@ -12,12 +12,17 @@ from uuid import uuid4
 
 from prometheus_client import CollectorRegistry
 from roam_character.skeleton import Skeleton
+from roam_character.volume import Volume
+from roam_serving.access import CALLER, OWNER
 from roam_serving.errors import DRAINING, INVALID_ARGUMENT, ServiceError
 from roam_serving.logs import get_log, remember
 from roam_serving.skeletons import SKELETON_NOT_FOUND
 
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animator import CharacterState, FrameData, Intent
+from roam_motion.control.intent import Goal
+from roam_motion.errors import SESSION_QUOTA
+from roam_motion.session.control_desk import ControlDesk
 from roam_motion.session.ownership import LiveSessions, Ownership
 from roam_motion.session.records import ControlRequest, SessionRecord, SessionRequest
 from roam_motion.session.session import Session
@@ -61,17 +66,19 @@ class MotionApplication:
         *,
         clock: Callable[[], float] = time,
         store: SessionStore | None = None,
-        restore: Callable[[bytes], CharacterState] = CharacterState.from_bytes,
+        restore: Callable[[bytes, Volume | None], CharacterState] = CharacterState.joined,
         frames: Frames | None = None,
         build: str = "",
+        check_goal: Callable[[Goal, tuple[float, float]], None] = lambda goal, start: None,
         on_health: Callable[[bool], None] = lambda well: None,
+        on_failure: Callable[[str], None] = lambda reason: None,
     ) -> None:
         self.settings = settings
         self.sessions = LiveSessions(settings.max_sessions, clock)
         self.ownership = Ownership(
             store or MemoryStore(),
             self.sessions,
-            lambda claim, snapshot: self._session(claim.record, restore(snapshot.state)),
+            lambda claim, snapshot: self._session(claim.record, restore(snapshot.state, snapshot.volume)),
             build=build,
             lease=settings.session_lease if store else _ALONE,
             snapshot_frames=settings.snapshot_frames,
@@ -80,12 +87,15 @@ class MotionApplication:
             on_progress=lambda: self.ticker.wake(),
         )
         frames = frames or partial(frames_of, animator.step)
-        self.ticker = Ticker(self.sessions, self.ownership, frames, frame_rate=FRAME_RATE, registry=registry)
+        self.ticker = Ticker(
+            self.sessions, self.ownership, frames, frame_rate=FRAME_RATE, registry=registry, on_failure=on_failure
+        )
+        self._desk = ControlDesk(self.sessions, settings, check_goal)
         self._metrics = StreamMetrics(registry)
         self._animator = animator
         self.skeleton = skeleton
         self._clock = clock
-        self._on_health = on_health
+        self._on_failure = on_failure
         self._draining = False
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -133,8 +143,10 @@ class MotionApplication:
             create_time=self._clock(),
             idle_timeout=self._idle_timeout(request.idle_timeout),
             floor_height=request.floor_height,
+            owner=OWNER.get(),
         )
         self.ticker.sweep()
+        self._check_quota()
         state = self._animator.start(request.position, request.yaw, request.seed)
         session = await self.ownership.create(self._session(record, state))
         session.touch()
@@ -147,8 +159,8 @@ class MotionApplication:
         return session
 
     def list_sessions(self, page_size: int, page_token: str) -> tuple[list[Session], str]:
-        """A page of the sessions that this replica holds, in order of creation, and the token of the next page."""
-        sessions = list(self.sessions)
+        """A page of the caller's sessions that this replica holds, oldest first, and the token of the next page."""
+        sessions = [session for session in self.sessions if session.record.owner == OWNER.get()]
         try:
             start = int(page_token or 0)
         except ValueError:
@@ -163,16 +175,23 @@ class MotionApplication:
         await self.ownership.delete(await self._hold(name))
 
     async def control(self, name: str, control: ControlRequest) -> int:
-        """Applies a control; returns the first sequence it can affect. It is written down before it takes effect."""
+        """Applies a control; returns the first sequence it can affect. It is written down before it takes effect.
+
+        GOAL_INVALID, GOAL_UNREACHABLE, RATE_LIMITED, CONTROL_BUDGET.
+        """
         session = await self.get_session(name)
         async with session.one_control:
             known = session.answer(control.control_id)
             if known is not None:
                 return known
+            control, warnings = await self._desk.checked(session, control)
             with session.hold():
                 entry = session.entry(control)
+                self._desk.afford(session, entry)
                 await self.ownership.record(session, entry)
                 session.accept(entry)
+            for warning in warnings:
+                session.announce(replace(warning, sequence=entry.effective), after=0)
         self.ticker.wake()
         return entry.effective
 
@@ -183,16 +202,21 @@ class MotionApplication:
         remember(session=name)
         here = self.sessions.get(name) is not None
         after = options.after_sequence
-        session = await self.ownership.hold(name, after_sequence=after, insist=bool(options.resume_token))
+        # Whoever had frames is the session's reader: the session comes to where its reader is, token or not.
+        insist = bool(after or options.resume_token)
+        session = await self.ownership.hold(name, OWNER.get(), after_sequence=after, insist=insist)
         if session.lacks(after):
             session = await self.ownership.rewind(session, after)
-        if options.resume_token == session.record.resume_token:
+        if insist:
             session.catch_up(after)
             self._metrics.resumed(here=here)
         options = replace(options, burst_frames=self.settings.burst_frames, ack_window=self.settings.ack_window)
         count = self._metrics.reader(realtime=options.pacing is Pacing.REALTIME)
         stream = FrameStream(session, options, self.ticker.wake, count)
         session.streams.add(stream)
+        if after and not here:  # what the replica before had accepted, and may not have told
+            for event in session.applied_after(after):
+                stream.put_event(event, after=0)
         self.ticker.wake()
         try:
             yield stream
@@ -204,15 +228,15 @@ class MotionApplication:
     def acknowledge(self, name: str, stream_id: str, sequence: int, credit: int) -> None:
         """Acknowledges frames of one stream. One that is not known is no error: it may just have ended."""
         session = self.sessions.get(name)
-        for stream in session.streams if session else ():
+        for stream in session.streams if session and session.record.owner == OWNER.get() else ():
             if stream.id == stream_id:
                 stream.acknowledge(sequence, credit)
 
     def _note_end(self, task: asyncio.Task[None]) -> None:
-        """A background task that ends by itself is a mistake; no session would move any more, so readiness tells."""
+        """A background task that ends by itself is a mistake; no session would move any more, so liveness tells."""
         if not task.cancelled():
             log.critical("background task ended", task=task.get_name(), exc_info=task.exception())
-            self._on_health(False)
+            self._on_failure(f"{task.get_name()} has ended: {task.exception()!r}")
 
     def _session(self, record: SessionRecord, state: CharacterState) -> Session:
         return Session(
@@ -228,7 +252,13 @@ class MotionApplication:
         remember(session=name)
         # A gateway that routes by session says with every request where the session belongs: after a replica came
         # back, its sessions come home to it.
-        return await self.ownership.hold(name, insist=self.settings.session_header)
+        return await self.ownership.hold(name, OWNER.get(), insist=self.settings.session_header)
+
+    def _check_quota(self) -> None:
+        """SESSION_QUOTA when the caller has as many sessions as one caller may have."""
+        most = self.settings.caller_sessions
+        if most and sum(session.caller == CALLER.get() for session in self.sessions) >= most:
+            raise ServiceError(SESSION_QUOTA, f"one caller may have {most} sessions", retry_after=1.0)
 
     def _new_id(self, offered: str) -> str:
         trusted = self.settings.session_header and _GATEWAY_ID.fullmatch(offered)

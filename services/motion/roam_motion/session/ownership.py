@@ -14,7 +14,7 @@ from weakref import WeakValueDictionary
 from roam_serving.errors import ServiceError
 from roam_serving.logs import get_log
 
-from roam_motion.errors import SESSION_ELSEWHERE, SESSION_NOT_FOUND, SESSION_QUOTA, STORE_DOWN
+from roam_motion.errors import CONTROL_BUDGET, SESSION_ELSEWHERE, SESSION_NOT_FOUND, SESSION_QUOTA, STORE_DOWN
 from roam_motion.session.records import Claim, ControlEntry, Event, EventKind, Snapshot
 from roam_motion.session.session import Session
 from roam_motion.session.store.base import (
@@ -30,6 +30,8 @@ log = get_log("roam_motion.session.ownership")
 _RENEWALS = 3  # per lease
 _CLAIM_LEASES = 3  # so many leases long a request waits for a session that another replica holds
 _KEEP_SECONDS = 2.0  # between two notes to the store that sessions are in use
+_WAIT_FOR_ROOM = 10.0  # [s] advised while the store is nearly full
+_LARGE = 4096  # [bytes] of a control that is refused then
 _KEEP_SLACK = 10.0  # the store keeps a session so much longer than its idle timeout [s]
 
 _RECONNECT = 10  # [s] within which readers of a session that goes elsewhere come back
@@ -125,6 +127,8 @@ class Ownership:
 
     async def create(self, session: Session) -> Session:
         """Takes a new session in, or the one that the same request_id made before."""
+        if self._store.nearly_full:
+            raise ServiceError(SESSION_QUOTA, "the store of sessions is nearly full", retry_after=_WAIT_FOR_ROOM)
         self._live.add(session)
         self._tokens[session.name] = 1
         try:
@@ -137,18 +141,18 @@ class Ownership:
             session.limit = self.reach
             return session
         self._let_go(session)
-        return await self.hold(name)
+        return await self.hold(name, session.record.owner)
 
-    async def hold(self, name: str, *, after_sequence: int = 0, insist: bool = False) -> Session:
-        """A session, claimed if need be: restored so that frames after `after_sequence` can follow.
+    async def hold(self, name: str, key: str, *, after_sequence: int = 0, insist: bool = False) -> Session:
+        """A session of an API key, claimed if need be: restored so that frames after `after_sequence` can follow.
 
         Waits while another replica holds it, and with `insist` asks that one to give it up. SESSION_NOT_FOUND,
         SESSION_ELSEWHERE, STORE_DOWN, SESSION_QUOTA.
         """
         if session := self._live.get(name):
-            return session
+            return _of(session, key)
         async with self._lock(name):
-            return self._live.get(name) or await self._take(name, after_sequence, insist)
+            return _of(self._live.get(name) or await self._take(name, key, after_sequence, insist), key)
 
     async def rewind(self, session: Session, after_sequence: int) -> Session:
         """The same session from an older snapshot, for a reader who wants frames that were not computed here."""
@@ -158,13 +162,14 @@ class Ownership:
                     await self._save(session, self._tokens[session.name])
                 self._let_go(session)
                 session.ended = True
-            return self._live.get(session.name) or await self._take(session.name, after_sequence, insist=False)
+            again = session.name, session.record.owner, after_sequence
+            return self._live.get(session.name) or await self._take(*again, insist=False)
 
     def _lock(self, name: str) -> asyncio.Lock:
         return self._locks.setdefault(name, asyncio.Lock())
 
-    async def _take(self, name: str, after_sequence: int, insist: bool) -> Session:
-        claim = await self._claim(name, insist)
+    async def _take(self, name: str, key: str, after_sequence: int, insist: bool) -> Session:
+        claim = await self._claim(name, key, insist)
         session = self._restored(claim, after_sequence)
         session.limit = claim.snapshots[-1].sequence + self.reach
         self._live.add(session)
@@ -181,12 +186,12 @@ class Ownership:
         session.exact = snapshot.build == self._build
         return session
 
-    async def _claim(self, name: str, insist: bool) -> Claim:
+    async def _claim(self, name: str, key: str, insist: bool) -> Claim:
         deadline = monotonic() + _CLAIM_LEASES * self._lease
         while True:
             try:
                 with _answering():
-                    claim = await self._store.claim(name, self.replica)
+                    claim = await self._store.claim(name, self.replica, key)
             except HeldElsewhereError as held:
                 if monotonic() > deadline:
                     raise ServiceError(SESSION_ELSEWHERE, str(held), retry_after=self._lease) from None
@@ -196,7 +201,7 @@ class Ownership:
                 await asyncio.sleep(self._lease / 10)
                 continue
             if claim is None:
-                raise ServiceError(SESSION_NOT_FOUND, f"no session {name!r}", field="session")
+                raise _not_found(name)
             return claim
 
     def remove(self, session: Session, message: str) -> None:
@@ -231,7 +236,9 @@ class Ownership:
     # What happens to them
 
     async def record(self, session: Session, entry: ControlEntry) -> None:
-        """Writes a control down before it takes effect. STORE_DOWN, SESSION_ELSEWHERE."""
+        """Writes a control down before it takes effect. STORE_DOWN, SESSION_ELSEWHERE, CONTROL_BUDGET."""
+        if self._store.nearly_full and entry.change.size > _LARGE:
+            raise ServiceError(CONTROL_BUDGET, "the store of sessions is nearly full", retry_after=_WAIT_FOR_ROOM)
         token = self._tokens.get(session.name, 0)
         with _answering():
             try:
@@ -353,6 +360,17 @@ class Ownership:
             except SupersededError:
                 self._lose(session)
             self._unsaved.pop(name, None)
+
+
+def _of(session: Session, key: str) -> Session:
+    """The session, for whoever has its key; for others there is none."""
+    if session.record.owner != key:
+        raise _not_found(session.name)
+    return session
+
+
+def _not_found(name: str) -> ServiceError:
+    return ServiceError(SESSION_NOT_FOUND, f"no session {name[:100]!r}", field="session")
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
+from roam_character.volume import Volume
 
 from roam_motion.control.intent import Goal, Intent
 
@@ -19,6 +20,10 @@ class EventKind(Enum):
     DRAINING = "draining"
     CONTROL_APPLIED = "control_applied"
     SESSION_ENDED = "session_ended"
+    WARNING = "warning"
+
+
+_SMALL, _SMALL_GOAL = 64, 1024  # [bytes] of a control without and with a pose
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,7 @@ class Event:
     kind: EventKind
     sequence: int = 0  # the frame
     message: str = ""
+    reason: str = ""  # WARNING: which, UPPER_SNAKE_CASE
     control_id: int = 0  # CONTROL_APPLIED: which
     goal_pose: str = ""  # GOAL_REACHED: the name that the client gave it
     skipped_count: int = 0  # FRAMES_SKIPPED: how many
@@ -61,6 +67,19 @@ class ControlChange:
             return self
         return replace(self, intent=self.intent.moved(np.array([0, -floor_height, 0], np.float32)))
 
+    def followed_by(self, newer: "ControlChange") -> "ControlChange":
+        """Both at the same frame: of each kind the newer counts."""
+        intent, goal_name = (self.intent, self.goal_name) if newer.intent is None else (newer.intent, newer.goal_name)
+        return ControlChange(intent, goal_name, self.paused if newer.paused is None else newer.paused)
+
+    @property
+    def size(self) -> int:
+        """About how many bytes it takes to keep."""
+        if not isinstance(self.intent, Goal):
+            return _SMALL
+        corners = sum(len(outline) for outline in self.intent.obstacles)
+        return _SMALL_GOAL + 2 * 8 * corners + (len(self.intent.volume.packed) if self.intent.volume else 0)
+
 
 @dataclass(frozen=True)
 class ControlRequest:
@@ -81,6 +100,7 @@ class SessionRecord:
     create_time: float  # [s since 1970]
     idle_timeout: float  # [s]
     floor_height: float  # [m]
+    owner: str = ""  # name of the API key that made it: for others it is not there. "": everybody's
 
 
 @dataclass(frozen=True)
@@ -90,6 +110,7 @@ class ControlEntry:
     control_id: int
     effective: int  # first frame it can affect
     change: ControlChange
+    earlier: tuple[int, ...] = ()  # ids of controls of the same frame that it stands for too
 
 
 @dataclass(frozen=True)
@@ -101,7 +122,8 @@ class Snapshot:
     """
 
     sequence: int
-    state: bytes  # of the character, see `CharacterState.to_bytes`
+    state: bytes  # of the character, see `CharacterState.split`
+    volume: Volume | None  # the furniture that belongs to it
     change: ControlChange  # the control whose intent is in force; an empty one: none yet
     paused: bool
     last_control_id: int
@@ -110,6 +132,17 @@ class Snapshot:
     reached: Event | None  # the last GOAL_REACHED
     build: str  # what computed the frames; where this differs they may differ in the last bits. "": mixed
     shown: int = 0  # a replica that died may have shown frames up to here
+
+    @property
+    def volumes(self) -> tuple[Volume, ...]:
+        """The furniture that it speaks of; stores keep each once."""
+        return (*volumes_of(self.change), *([self.volume] if self.volume else []))
+
+
+def volumes_of(change: ControlChange) -> tuple[Volume, ...]:
+    """The furniture that a control speaks of."""
+    intent = change.intent
+    return (intent.volume,) if isinstance(intent, Goal) and intent.volume is not None else ()
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from roam_character.skeleton import Skeleton
+from roam_serving.access import CALLER
 
 from roam_motion.animator import CharacterState, FrameData, Goal, Idle, Intent
 from roam_motion.session.records import (
@@ -24,6 +25,7 @@ from roam_motion.session.records import (
 )
 
 _REMEMBERED_CONTROLS = 1024  # answers kept for controls that are sent again
+_EARLIER = 32  # ids that one stored control stands for besides its own; of more only the newest are remembered
 _STORED_ANSWERS = 64  # of them, those that a snapshot carries
 _SETTLED_FRAMES = 10  # a third of a second near the goal and still: reached
 _STILL = 0.002  # [m] change of the goal distance per frame, 6 cm/s
@@ -111,6 +113,7 @@ class Session:
         self.state = state
         self.sequence = 0
         self.touched = clock()
+        self.caller = CALLER.get()  # whose budget it counts against: who made it, or brought it here
         self.one_control = asyncio.Lock()  # controls are taken one after the other
         self.paused = False
         self.under_way = 0  # frames that a step is computing right now
@@ -127,7 +130,9 @@ class Session:
         self._change = ControlChange()  # the one whose intent is in force
         self._owed = False  # a tick came while the session was held
         self._answers: OrderedDict[int, int] = OrderedDict()
-        self._schedule: deque[tuple[int, ControlChange]] = deque()
+        self._schedule: deque[ControlEntry] = deque()
+        self._last: ControlEntry | None = None  # the newest control taken
+        self._kept: deque[tuple[int, int]] = deque()  # effective sequences and sizes of controls that the store keeps
         self._arrival = ArrivalDetector(goal_tolerance)
         self._clock = clock
 
@@ -145,6 +150,11 @@ class Session:
     def floor_height(self) -> float:
         """Height of the floor [m]; the animator walks at 0."""
         return self.record.floor_height
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the character is on the floor: x, z [m]."""
+        return self.state.place
 
     @property
     def expire_time(self) -> float:
@@ -189,26 +199,50 @@ class Session:
         # a step that runs right now was given the old intent
         effective = max(self.sequence + self.under_way, self._seen_elsewhere) + 1
         control_id = control.control_id or self.last_control_id + 1
-        return ControlEntry(control_id, effective, control.change.lowered(self.floor_height))
+        change, last = control.change.lowered(self.floor_height), self._last
+        if last is None or last.effective != effective:
+            return ControlEntry(control_id, effective, change)
+        earlier = (*last.earlier, last.control_id)[-_EARLIER:]
+        return ControlEntry(control_id, effective, last.change.followed_by(change), earlier)
+
+    def kept_bytes(self, history: int) -> int:
+        """About how much of its controls the store keeps, which is those of the last `history` frames [bytes]."""
+        while self._kept and self._kept[0][0] <= self.sequence - history:
+            self._kept.popleft()
+        return sum(size for _, size in self._kept)
 
     def accept(self, entry: ControlEntry) -> None:
         """Puts a control in force from its frame on and tells the streams."""
         if entry.change.paused is not None:
             self.paused = entry.change.paused
+        if self._last is not None and self._last.effective == entry.effective:  # it stands for that one too
+            self._kept.pop()
+            if self._schedule and self._schedule[-1].effective == entry.effective:
+                self._schedule.pop()
+        self._last = entry
+        self._kept.append((entry.effective, entry.change.size))
         if entry.change.intent is not None:
-            self._schedule.append((entry.effective, entry.change))
+            self._schedule.append(entry)
         self.last_control_id = entry.control_id
-        self._answers[entry.control_id] = entry.effective
-        if len(self._answers) > _REMEMBERED_CONTROLS:
+        for control_id in (*entry.earlier, entry.control_id):
+            self._answers[control_id] = entry.effective
+        while len(self._answers) > _REMEMBERED_CONTROLS:
             self._answers.popitem(last=False)
-        self.announce(Event(EventKind.CONTROL_APPLIED, entry.effective, control_id=entry.control_id), after=0)
+        self.announce(self._applied(entry.control_id, entry.effective), after=0)
+
+    def applied_after(self, sequence: int) -> list[Event]:
+        """What readers were told, or should have been, of controls that take effect after a frame."""
+        return [self._applied(*answer) for answer in self._answers.items() if answer[1] > sequence]
+
+    def _applied(self, control_id: int, effective: int) -> Event:
+        return Event(EventKind.CONTROL_APPLIED, effective, control_id=control_id)
 
     def intents(self, count: int) -> list[Intent]:
         """The intents of the next `count` frames."""
         intents, intent, waiting = [], self.intent, deque(self._schedule)
         for sequence in range(self.sequence + 1, self.sequence + count + 1):
-            while waiting and waiting[0][0] <= sequence:
-                intent = waiting.popleft()[1].intent or intent
+            while waiting and waiting[0].effective <= sequence:
+                intent = waiting.popleft().change.intent or intent
             intents.append(intent)
         return intents
 
@@ -217,9 +251,11 @@ class Session:
     def snapshot(self, build: str) -> Snapshot:
         """All that another replica needs to go on from here; `build` names what computes the frames."""
         answers = list(self._answers.items())[-_STORED_ANSWERS:]
+        state, volume = self.state.split()
         return Snapshot(
             sequence=self.sequence,
-            state=self.state.to_bytes(),
+            state=state,
+            volume=volume,
             change=self._change,
             paused=self.paused,
             last_control_id=self.last_control_id,
@@ -291,8 +327,8 @@ class Session:
             raise FloatingPointError(f"frame {self.sequence + 1} of {self.name} is not finite")
         self.state = state
         self.sequence += 1
-        while self._schedule and self._schedule[0][0] <= self.sequence:
-            self._enter(self._schedule.popleft()[1])
+        while self._schedule and self._schedule[0].effective <= self.sequence:
+            self._enter(self._schedule.popleft().change)
         self.ring.append(FrameRecord(self.sequence, data))
         if isinstance(self.intent, Goal) and self._arrival.reached(data.goal_distance):
             self._tell_reached(data.goal_distance)

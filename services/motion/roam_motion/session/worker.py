@@ -36,6 +36,7 @@ log = get_log("roam_motion.session.worker")
 
 _CPUINFO = Path("/proc/cpuinfo")
 _CODE = Path(__file__).parents[1], Path(roam_character.__file__).parent
+_LONGEST = 20.0  # [s] for an answer; a step of 256 characters takes 0.03
 _START = 120.0  # [s] a cold start on a busy machine; normally three
 
 Step = Callable[[Sequence[CharacterState], Sequence[Intent]], list[tuple[CharacterState, FrameData]]]
@@ -46,6 +47,10 @@ Result = tuple[CharacterState, FrameData] | Exception
 Frames = Callable[[Sequence[CharacterState], Sequence[Sequence[Intent]]], Sequence[Sequence[Result]]]
 
 Load = Callable[[Path], Step]  # makes what steps; a module's own function, so that it travels
+
+
+class CulpritError(RuntimeError):
+    """A character at which the process that steps dies every time."""
 
 
 def frames_of(
@@ -88,6 +93,7 @@ class _Request:
     states: list[int]
     intents: list[list[int]]  # of every character those of its next frames
     made: Sequence[int]  # what the states of all frames will be called, character by character
+    alone: bool  # step one character after the other, and tell which
 
 
 @dataclass(frozen=True)
@@ -111,6 +117,7 @@ class WorkerProcess:
     def __init__(self, weights: Path, *, torch_threads: int = 1, load: Load = load_step) -> None:
         self._arguments = weights, torch_threads, load
         self._context = multiprocessing.get_context("spawn")  # a fork would copy torch's threads half
+        self._current = self._context.Value("i", 0, lock=False)  # which character is stepped alone
         self._closed = False
         self._launch()
 
@@ -127,12 +134,36 @@ class WorkerProcess:
         try:
             return self._link.frames(states, intents)
         except (EOFError, OSError):
-            if self._closed:
-                raise RuntimeError("the worker process has been closed") from None
-            self._process.join()
-            log.error("the worker process has died and is started anew", code=self._process.exitcode)
-            self._launch()
-            return self._link.frames(states, intents)
+            self._revive()
+            return self._without_culprits(states, intents)
+
+    def _without_culprits(
+        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]]
+    ) -> Sequence[Sequence[Result]]:
+        """Frames of a batch in which the process died: one character alone after the other, the same bits.
+
+        One at which it dies again gets an error instead of frames, and the others go on without it.
+        """
+        culprits: dict[int, Result] = {}
+        while True:
+            going = [index for index in range(len(states)) if index not in culprits]
+            try:
+                results = self._link.frames([states[i] for i in going], [intents[i] for i in going], alone=True)
+            except (EOFError, OSError):
+                culprit = going[self._current.value] if self._current.value < len(going) else going[0]
+                culprits[culprit] = CulpritError("the worker process dies at this character")
+                self._revive()
+                continue
+            found = dict(zip(going, results, strict=True))
+            return [[culprits[index]] if index in culprits else found[index] for index in range(len(states))]
+
+    def _revive(self) -> None:
+        if self._closed:
+            raise RuntimeError("the worker process has been closed")
+        self._process.kill()  # it may hang instead
+        self._process.join()
+        log.error("the worker process has died and is started anew", code=self._process.exitcode)
+        self._launch()
 
     def close(self) -> None:
         """Ends the process at once."""
@@ -142,7 +173,9 @@ class WorkerProcess:
 
     def _launch(self) -> None:
         pipe, theirs = self._context.Pipe()
-        self._process = self._context.Process(target=_serve, args=(theirs, *self._arguments), daemon=True)
+        self._process = self._context.Process(
+            target=_serve, args=(theirs, self._current, *self._arguments), daemon=True
+        )
         self._process.start()
         theirs.close()  # so that ours ends with the process
         if not pipe.poll(_START):
@@ -162,14 +195,18 @@ class _WorkerLink:
         self._seats: Copies[Seat] = Copies()
 
     def frames(
-        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]]
+        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]], alone: bool = False
     ) -> Sequence[Sequence[Result]]:
-        """Asks and waits."""
+        """Asks and waits. EOFError or OSError when the process is gone, or does not answer for long."""
+        if not states:
+            return []
         called = [self._states.number(state) for state in states]
         wanted = [[self._intents.number(intent) for intent in of_one] for of_one in intents]
         made = self._states.reserve(sum(map(len, wanted)))
-        request = _Request(self._states.changes(), self._intents.changes(), called, wanted, made)
+        request = _Request(self._states.changes(), self._intents.changes(), called, wanted, made, alone)
         self._pipe.send_bytes(pickle.dumps(request))
+        if not self._pipe.poll(_LONGEST):
+            raise TimeoutError("the worker process does not answer")
         return self._results(_receive(self._pipe), made)
 
     def _results(self, answer: _Answer, made: Sequence[int]) -> Sequence[Sequence[Result]]:
@@ -193,12 +230,12 @@ def _receive(pipe: Connection) -> Any:
     return answer
 
 
-def _serve(pipe: Connection, weights: Path, torch_threads: int, load: Load) -> None:
+def _serve(pipe: Connection, current: Any, weights: Path, torch_threads: int, load: Load) -> None:
     """In the process: one request after the other, until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the server decides what ends when
     torch.set_num_threads(torch_threads)
     try:
-        worker = _Worker(load(weights))
+        worker = _Worker(load(weights), current)
     except Exception as error:
         pipe.send_bytes(_pickled(error))
         return
@@ -220,8 +257,8 @@ def _pickled(message: object) -> bytes:
 class _Worker:
     """The step, with the states and intents that may be asked for again."""
 
-    def __init__(self, step: Step) -> None:
-        self._step = step
+    def __init__(self, step: Step, current: Any) -> None:
+        self._step, self._current = step, current
         self._states: Copies[CharacterState] = Copies()
         self._intents: Copies[Intent] = Copies()
         self._seats: Originals[Seat] = Originals()
@@ -232,16 +269,27 @@ class _Worker:
         self._intents.take(request.new_intents)
         states = [self._states[number] for number in request.states]
         intents = [[self._intents[number] for number in of_one] for of_one in request.intents]
-        results = frames_of(self._step, states, intents)
+        results = self._alone(states, intents) if request.alone else frames_of(self._step, states, intents)
         errors = {i: of_one[-1] for i, of_one in enumerate(results) if isinstance(of_one[-1], Exception)}
         pairs = [[pair for pair in of_one if not isinstance(pair, Exception)] for of_one in results]
         made = [pair for of_one in pairs for pair in of_one]
         self._states.keep([state for state, _ in made], request.made)
         return self._packed([len(of_one) for of_one in pairs], errors, made)
 
+    def _alone(
+        self, states: Sequence[CharacterState], intents: Sequence[Sequence[Intent]]
+    ) -> Sequence[Sequence[Result]]:
+        results: list[Sequence[Result]] = []
+        for self._current.value, pair in enumerate(zip(states, intents, strict=True)):
+            results += frames_of(self._step, [pair[0]], [pair[1]])
+        return results
+
     def _packed(
         self, counts: list[int], errors: dict[int, Exception], made: Sequence[tuple[CharacterState, FrameData]]
     ) -> _Answer:
+        if not made:
+            nothing = np.zeros((0, 0), np.float32)
+            return _Answer(counts, errors, self._seats.changes(), [], nothing, nothing, (nothing,) * 5, [], [])
         controls = [state.control for state, _ in made]
         seats = [None if control.seat is None else self._seats.number(control.seat) for control in controls]
         frames = [frame for _, frame in made]

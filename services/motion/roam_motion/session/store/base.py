@@ -27,11 +27,15 @@ class MissingError(Exception):
 
 
 class SessionStore(Protocol):
-    """Sessions of all replicas. Everything raises StoreDownError when the store does not answer.
+    """Sessions of all replicas. `nearly_full` once there is only room for those that are there.
+
+    Everything raises StoreDownError when the store does not answer.
 
     A replica holds sessions under its own name, `owner`, and renews one lease for all of them. Whoever claims a session
     of an owner without a lease gets a higher token, and everything sent with the old token is refused.
     """
+
+    nearly_full: bool
 
     async def renew(self, owner: str, seconds: float) -> None:
         """The owner is alive for so long from now."""
@@ -39,11 +43,11 @@ class SessionStore(Protocol):
     async def create(self, record: SessionRecord, owner: str, snapshot: Snapshot) -> str:
         """Stores a new session, token 1; the name of the one with the same request_id instead, if there is one."""
 
-    async def claim(self, name: str, owner: str) -> Claim | None:
-        """Takes a session over; None when there is none. HeldElsewhereError while its owner is alive."""
+    async def claim(self, name: str, owner: str, key: str = "") -> Claim | None:
+        """Takes a session over; None when the API key has none. HeldElsewhereError while its owner is alive."""
 
     async def log(self, name: str, token: int, entry: ControlEntry) -> None:
-        """Writes a control down. SupersededError, MissingError."""
+        """Writes a control down, over one of the same frame. SupersededError, MissingError."""
 
     async def save(self, record: SessionRecord, owner: str, token: int, snapshot: Snapshot, keep_from: int) -> None:
         """Adds a snapshot and drops what only leads to frames before `keep_from`; stores all anew where it was lost.

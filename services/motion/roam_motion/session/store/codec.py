@@ -1,6 +1,10 @@
-"""Records as bytes and back, exactly: JSON, arrays and bytes in base64. For stores outside this process."""
+"""Records as bytes and back, exactly: JSON, arrays and bytes in base64. For stores outside this process.
+
+Furniture is only named, by its digest: the stores keep each volume once.
+"""
 
 from base64 import b64decode, b64encode
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -12,6 +16,8 @@ from roam_character.volume import Volume
 
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.session.records import ControlChange, ControlEntry, Event, EventKind, SessionRecord, Snapshot
+
+Volumes = Mapping[str, Volume]  # by digest
 
 
 class RecordCodec:
@@ -27,6 +33,7 @@ class RecordCodec:
             fields["change"] = _change_fields(fields["change"])
         if isinstance(value, Snapshot):
             fields["state"] = b64encode(value.state).decode()
+            fields["volume"] = value.volume and value.volume.digest
             fields["reached"] = value.reached and asdict(value.reached) | {"kind": value.reached.kind.value}
         return orjson.dumps(fields)
 
@@ -34,45 +41,51 @@ class RecordCodec:
         """The terms of a session that `encode` wrote."""
         return SessionRecord(**orjson.loads(data))
 
-    def control(self, data: bytes) -> ControlEntry:
-        """The control that `encode` wrote."""
+    def control(self, data: bytes, volumes: Volumes) -> ControlEntry:
+        """The control that `encode` wrote; `volumes` are those that it may name."""
         fields: dict[str, Any] = orjson.loads(data)
-        return ControlEntry(**fields | {"change": self._change(fields["change"])})
+        change = self._change(fields["change"], volumes)
+        return ControlEntry(**fields | {"change": change, "earlier": tuple(fields["earlier"])})
 
-    def snapshot(self, data: bytes) -> Snapshot:
-        """The snapshot that `encode` wrote."""
+    def snapshot(self, data: bytes, volumes: Volumes) -> Snapshot:
+        """The snapshot that `encode` wrote; `volumes` are those that it may name."""
         fields: dict[str, Any] = orjson.loads(data)
         reached = fields["reached"]
         return Snapshot(
             **fields
             | {
                 "state": b64decode(fields["state"]),
-                "change": self._change(fields["change"]),
+                "volume": _named(fields["volume"], volumes),
+                "change": self._change(fields["change"], volumes),
                 "answers": tuple(map(tuple, fields["answers"])),
                 "arrival": tuple(fields["arrival"]),
                 "reached": reached and Event(**reached | {"kind": EventKind(reached["kind"])}),
             }
         )
 
-    def _change(self, fields: dict[str, Any]) -> ControlChange:
+    def _change(self, fields: dict[str, Any], volumes: Volumes) -> ControlChange:
         intent = fields["intent"]
-        return ControlChange(intent and self._intent(**intent), fields["goal_name"], fields["paused"])
+        return ControlChange(intent and self._intent(volumes, **intent), fields["goal_name"], fields["paused"])
 
-    def _intent(self, kind: str, **fields: Any) -> Intent:
+    def _intent(self, volumes: Volumes, kind: str, **fields: Any) -> Intent:
         if kind == "idle":
             return Idle()
         if kind == "steer":
             facing = fields["facing"]
             return Steer(_array(fields["velocity"]), None if facing is None else _array(facing), fields["action"])
-        approach, volume = fields["approach"], fields["volume"]
+        approach = fields["approach"]
         rotations = _array(fields["rotations"]).reshape(-1, 4)
         return Goal(
             pose=Pose(self._skeleton, _array(fields["root_position"]), rotations),
             action=fields["action"],
             approach=None if approach is None else _array(approach),
             obstacles=tuple(tuple((x, z) for x, z in outline) for outline in fields["obstacles"]),
-            volume=None if volume is None else Volume.unpacked(b64decode(volume)),
+            volume=_named(fields["volume"], volumes),
         )
+
+
+def _named(digest: str | None, volumes: Volumes) -> Volume | None:
+    return None if digest is None else volumes[digest]
 
 
 def _change_fields(change: ControlChange) -> dict[str, Any]:
@@ -93,7 +106,7 @@ def _intent_fields(intent: Intent) -> dict[str, Any]:
         "action": intent.action,
         "approach": None if intent.approach is None else _text(intent.approach),
         "obstacles": intent.obstacles,
-        "volume": None if intent.volume is None else b64encode(intent.volume.packed).decode(),
+        "volume": intent.volume and intent.volume.digest,
     }
 
 

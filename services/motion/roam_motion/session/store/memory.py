@@ -15,16 +15,18 @@ class _Stored:
     token: int
     expires: float
     snapshots: dict[int, Snapshot] = field(default_factory=dict)
-    controls: dict[int, ControlEntry] = field(default_factory=dict)
+    controls: dict[int, ControlEntry] = field(default_factory=dict)  # by effective sequence
 
 
 class MemoryStore:
     """Implements `SessionStore` in this process; several replicas in one process may share it."""
 
+    nearly_full = False  # the sessions' own budgets bound it
+
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self._sessions: dict[str, _Stored] = {}
-        self._requests: dict[str, str] = {}
+        self._requests: dict[tuple[str, str], str] = {}  # by key's name and request_id
         self._leases: dict[str, float] = {}
         self._asked: dict[str, set[str]] = {}
 
@@ -36,7 +38,7 @@ class MemoryStore:
         """See `SessionStore`."""
         self._drop_expired()
         if record.request_id:
-            known = self._requests.setdefault(record.request_id, record.name)
+            known = self._requests.setdefault((record.owner, record.request_id), record.name)
             if known != record.name:
                 return known
         stored = _Stored(record, owner, 1, self._clock() + record.idle_timeout)
@@ -44,11 +46,11 @@ class MemoryStore:
         self._sessions[record.name] = stored
         return record.name
 
-    async def claim(self, name: str, owner: str) -> Claim | None:
+    async def claim(self, name: str, owner: str, key: str = "") -> Claim | None:
         """See `SessionStore`."""
         self._drop_expired()
         stored = self._sessions.get(name)
-        if stored is None:
+        if stored is None or stored.record.owner != key:
             return None
         if stored.owner != owner and self._leases.get(stored.owner, 0) > self._clock():
             raise HeldElsewhereError(stored.owner)
@@ -63,7 +65,7 @@ class MemoryStore:
         if stored is None:
             raise MissingError
         _check(stored, token)
-        stored.controls[entry.control_id] = entry
+        stored.controls[entry.effective] = entry  # stands for an earlier one of the same frame too
 
     async def save(self, record: SessionRecord, owner: str, token: int, snapshot: Snapshot, keep_from: int) -> None:
         """See `SessionStore`."""
@@ -111,7 +113,7 @@ class MemoryStore:
 
     def _forget(self, stored: _Stored) -> None:
         del self._sessions[stored.record.name]
-        self._requests.pop(stored.record.request_id, None)
+        self._requests.pop((stored.record.owner, stored.record.request_id), None)
 
 
 def _check(stored: _Stored, token: int) -> None:
