@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from roam_motion.actions import STYLES
 from roam_motion.animation.figure import Figure, Frame, orthonormal
 from roam_motion.animation.rows import split_tensor
-from roam_motion.animation.state import ACTIONS, KEYS, Characters
+from roam_motion.animation.state import KEYS, Characters
 
 
 @dataclass
@@ -39,7 +40,7 @@ def goal_shapes(joints: int) -> dict[str, tuple[int, ...]]:
     return {
         "positions": (KEYS, 2),
         "directions": (KEYS, 2),
-        "action": (len(ACTIONS),),
+        "action": (len(STYLES),),
         "active": (),
         "pose_positions": (joints, 3),
         "pose_orientations": (joints, 3, 3),
