@@ -38,7 +38,7 @@ _AIRBORNE = 0.105  # [m] an ankle higher than this does not stand
 _UPRIGHT = 0.80  # share of the hips' standing height from which one stands: seated hips are at 0.55 to 0.7 of it
 _STEPPING = 0.90  # the same, from which one begins a step: nobody lifts a foot who sits down already
 _TALL = 0.985  # share of its length to which the straighter leg is stretched: captured standing 0.974 / 0.983 / 0.985
-_RISE = 0.006, 0.12  # [m], and share of what is missing, that hips rise per frame at most
+_RISE = 0.008, 0.3  # [m], and share of what is missing, that hips rise per frame at most
 
 
 def pose_feet(figure: Figure, positions: Tensor) -> Tensor:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roam_motion.actions import ACTIONS, IDLE, STYLES, WALK
+from roam_motion.animation.collision import near
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.prediction import goal_shapes
 from roam_motion.animation.rows import row_width, split_array
@@ -20,6 +21,7 @@ from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.actions import footing, outlines_of, seat_of, transition
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
+from roam_motion.control.pace import followed
 from roam_motion.control.paths import way
 from roam_motion.control.planner import Aim, Plan, Steering, Target, follow, plan_keys, wrap
 from roam_motion.control.seat import Seat, Transition
@@ -115,7 +117,7 @@ def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Cont
     if state.mode != FREE and state.seat is not None and (planned := transition(figure, state.seat)):
         state = _moved_along(planned, state, body)
     if state.mode == RISE and state.along == 0 and (_stands(state, body) or state.since > _RISE_LIMIT):
-        state = Control(Plan(body.x, body.z, yaw=body.yaw), clock=state.clock)
+        state = Control(Plan(body.x, body.z, yaw=body.yaw), seat=state.seat, clock=state.clock)
     return _approach(figure, state, intent, body) if state.mode == FREE else state
 
 
@@ -126,15 +128,15 @@ def _walk(
     places, directions = plan_keys([state.plan for _, state, _ in characters], aims)
     gone = np.hypot(*(places[:, 4] - places[:, 0]).T).tolist()
     alike = (directions[:, 4] * directions[:, 0]).sum(1).tolist()
-    for index, (row, state, body) in enumerate(characters):
+    for index, ((row, state, body), aim) in enumerate(zip(characters, aims, strict=True)):
         plan = state.plan
         x, z = _over_feet(body)
         still = gone[index] < 0.1 and alike[index] > 0.95
         # Off balance, or still under way: take a step.
         still = still and math.hypot(plan.vx, plan.vz) < 0.15
         still = still and math.hypot(x - body.x, z - body.z) < _BALANCED
-        near = state.seat if state.seat is not None and _before(state.seat, body, *_CLOSE) else None
-        feet = None if near is None else footing(figure, near)
+        seat = state.seat if isinstance(aim, Target) else None
+        feet = footing(figure, seat) if seat is not None and _before(seat, body, *_CLOSE) else None
         goals.go(row, places[index], directions[index], (IDLE if still else WALK).style, feet)
 
 
@@ -204,9 +206,13 @@ def _stands(state: Control, body: Body) -> bool:
 
 
 def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
-    """Keeps the seat of the goal in mind, and begins the interaction on arrival."""
+    """Keeps the seat of the goal in mind, and begins the interaction on arrival.
+
+    The seat that somebody has left stays in mind as long as limbs can touch it.
+    """
     if not isinstance(intent, Goal):
-        return state if state.seat is None and not state.waiting else state._replace(seat=None, waiting=0)
+        touches = state.seat is not None and state.seat.volume is not None and near(state.seat.volume, body.x, body.z)
+        return state if touches else state._replace(seat=None, waiting=0)
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
         seat = seat_of(figure, intent, (body.x, body.z))
@@ -228,8 +234,7 @@ def _aim(figure: Figure, state: Control, intent: Intent) -> Aim:
         outlines = outlines_of(figure, intent)
         return Target(x, z, math.atan2(dx, dz), way((state.plan.x, state.plan.z), (x, z), (dx, dz), outlines))
     if isinstance(intent, Steer):
-        velocity = np.asarray(intent.velocity, float)
         turn = None if intent.facing is None else math.atan2(*map(float, intent.facing))
-        return Steering(float(velocity[0]), float(velocity[1]), turn)
+        return Steering(*followed(intent), turn)
     assert isinstance(intent, Idle | Goal)
     return Steering(0.0, 0.0, None)
