@@ -17,8 +17,8 @@ from roam_motion.control.controller import INTERACT, RISE, Body, Control
 from roam_motion.control.intent import Goal, Idle
 from roam_motion.control.planner import Plan
 from standing import controlled
-from test_clearance import box
-from test_step import WEIGHTS, played
+from test_animator import WEIGHTS, played
+from test_collision import box
 
 FIGURE = humanoid_figure()
 NAMES = FIGURE.skeleton

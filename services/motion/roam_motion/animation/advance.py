@@ -1,6 +1,7 @@
 """One frame of B characters: encode, predict, blend, plant the feet, shift the series.
 
-Training roll-outs and the service call this same function, so training sees exactly what runs.
+Training roll-outs call `advance`; the service traces its three parts as graphs (see graphs.py), to the same numbers up
+to rounding. So training sees what runs.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from roam_motion.animation.blending import WHOLE, Blending, blend_pose, blend_tr
 from roam_motion.animation.collision import Furniture, keep_clear
 from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.foot_contacts import plant
-from roam_motion.animation.prediction import Answer, Goals, Predict, goal_frame
+from roam_motion.animation.prediction import Goals, Predict, Prediction, goal_frame
 from roam_motion.animation.state import FRAME_RATE, LABELLED, PHASE, STYLE, Characters
 from roam_motion.animation.stepping import Steps, halted, step
 
@@ -170,7 +171,7 @@ def _past(figure: Figure, characters: Characters, proposal: Proposal, after: Ten
     return torch.cat([characters.past[:, 1:], now[:, None]], 1)
 
 
-def _future(characters: Characters, answer: Answer, root: Frame, facing: Frame, goals: Goals) -> Tensor:
+def _future(characters: Characters, answer: Prediction, root: Frame, facing: Frame, goals: Goals) -> Tensor:
     """Future keys [B, 6, 9] in the world."""
     places = blend_trajectory(answer, root, facing, goals)
     phases = characters.past[:, -1:, PHASE] + answer.phase[:, 1:, None].clamp(0.0, 2.0)

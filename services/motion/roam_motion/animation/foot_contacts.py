@@ -1,6 +1,6 @@
 """Foot locking: a planted foot stays where it was put, the leg and, if it must, the pelvis follow.
 
-The published code leaves this inoperative (METHOD-NOTES, decision 6). A contact is held on the floor from its first
+A contact is held on the floor from its first
 frame; on release the foot goes over to the network's place within a few frames, never faster than feet move. A planted
 foot is held at its ankle, and turned so that its toes stay too; once the heel lifts it is held at its toes. Near the
 goal pose, a foot held away from its place there makes one small lifted step, never a slide. Feet are kept above the

@@ -50,7 +50,7 @@ def goal_shapes(joints: int) -> dict[str, tuple[int, ...]]:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Prediction:
     """One prediction in raw units; poses in frames as noted."""
 
     positions: Tensor  # [B, J, 3] next joints in the current root frame [m]
@@ -65,7 +65,7 @@ class Answer:
 
 # A motion model on B characters: their goals, joint positions [B, J, 3] and root frames -> what comes next. Graphs are
 # traced through it, so it may not look at numbers.
-Predict = Callable[[Characters, Goals, Tensor, Frame], Answer]
+Predict = Callable[[Characters, Goals, Tensor, Frame], Prediction]
 
 
 def goal_frame(figure: Figure, goals: Goals) -> Frame:

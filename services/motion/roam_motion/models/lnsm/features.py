@@ -17,7 +17,7 @@ from torch import Tensor
 
 from roam_motion.actions import STYLES
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, Frame, six
-from roam_motion.animation.prediction import Answer, Goals, goal_frame
+from roam_motion.animation.prediction import Goals, Prediction, goal_frame
 from roam_motion.animation.state import (
     DIRECTION,
     FUTURE,
@@ -132,14 +132,14 @@ def _encode_gating(keys: Tensor, action: Tensor, places: Tensor, directions: Ten
     return torch.cat([styles.flatten(1), actions.flatten(1)], 1)
 
 
-def decode(output: Tensor, characters: Characters, positions: Tensor, root: Frame) -> Answer:
+def decode(output: Tensor, characters: Characters, positions: Tensor, root: Frame) -> Prediction:
     """Splits a raw output [B, O] and adds the current pose to the forward change."""
     joints = positions.shape[1]
     columns = output_widths(joints)
     blocks = dict(zip(columns, output.split(list(columns.values()), 1), strict=True))
     batch = output.shape[0]
     pose = _joints_in(root, positions, characters.orientations)
-    return Answer(
+    return Prediction(
         positions=pose[..., :3] + blocks["positions"].reshape(batch, joints, 3),
         axes=pose[..., 3:] + blocks["axes"].reshape(batch, joints, 6),
         inverse_positions=blocks["inverse_positions"].reshape(batch, joints, 3),
