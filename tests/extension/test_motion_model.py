@@ -8,7 +8,7 @@ import pytest
 import torch
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.figure import humanoid_figure
-from roam_motion.animation.prediction import Answer
+from roam_motion.animation.prediction import Prediction
 from roam_motion.animation.state import FUTURE
 from roam_motion.app import MotionService
 from roam_motion.models import registry
@@ -39,7 +39,7 @@ class Glide:
         place = torch.cat([way, torch.zeros_like(way[:, :1]), torch.ones_like(way[:, :1])], -1)[:, None]
         keys = torch.cat([place, goals.action[:, None]], -1).expand(-1, FUTURE + 1, -1)
         still = place.new_tensor([0.0, 0.0, 0.0, 1.0]).expand(batch, FUTURE + 1, 4)
-        return Answer(
+        return Prediction(
             positions=root.points_in(positions) + step[:, None],
             axes=axes,
             inverse_positions=torch.zeros_like(positions),

@@ -11,8 +11,8 @@ from roam_motion.animation.rows import join, split_array, split_tensor
 from roam_motion.animation.state import Characters, characters_width
 from roam_motion.animation.swing import swinging, walking
 from roam_motion.animator import Goal
-from roam_motion.control.controller import Command, goals_of
-from roam_motion.control.seat import seat_of
+from roam_motion.control.actions import seat_of
+from roam_motion.control.controller import GoalRows
 from roam_motion.graphs import Graphs
 from standing import random_animator, random_model, seated_pose
 
@@ -25,17 +25,18 @@ def test_graphs_do_what_the_step_of_training_does(count):
     states = [animator.start((0.3 * i, -0.1 * i), 0.2 * i, i) for i in range(count)]
     seat = seat_of(figure, Goal(seated_pose(ahead=0.2)), (0.0, 0.0))
     places, directions = np.full((13, 2), 0.4, np.float32), np.tile(np.float32([0.0, 1.0]), (13, 1))
-    commands = [Command(places, directions, 1 + i % 2, bool(i % 2), seat if i % 2 else None) for i in range(count)]
-    rows, goals, clock = (
-        np.stack([s.row for s in states]),
-        goals_of(figure, commands),
-        [s.control.clock for s in states],
-    )
-    shown = Graphs(figure, prediction, WHOLE).step(rows, goals, clock, None)
+    goals = GoalRows(figure, count)
+    for i in range(count):
+        if i % 2:
+            goals.take(i, seat, "sit", 0.0, None)
+        else:
+            goals.go(i, places, directions, "walk", None)
+    rows, clock = np.stack([s.row for s in states]), [s.control.clock for s in states]
+    shown = Graphs(figure, prediction, WHOLE).step(rows, goals.rows, clock, None)
     with torch.no_grad():
         characters = Characters.of(torch.from_numpy(rows))
         after, joints, _ = advance(
-            figure, prediction, characters, Goals.of(torch.from_numpy(goals), figure.joint_count)
+            figure, prediction, characters, Goals.of(torch.from_numpy(goals.rows), figure.joint_count)
         )
         orientations = swinging(figure, joints, after.orientations, walking(after))
         orientations = alive(figure, orientations, stillness(after), torch.tensor(clock))

@@ -36,7 +36,7 @@ class Place:
 
 @dataclass
 class Walker:
-    """Implements motion.application.StepsCharacters without a network."""
+    """Implements `StepsCharacters` without a network."""
 
     batches: list[int] = field(default_factory=list)
     gate: threading.Event | None = None  # when set, every step waits for it

@@ -12,12 +12,14 @@ import torch
 from roam_character.volume import Volume
 from torch import Tensor
 
+from roam_motion.actions import ACTIONS, IDLE, STYLES, action_numbered
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture, furniture_of, near
-from roam_motion.animation.figure import Figure, humanoid_figure
+from roam_motion.animation.figure import CONTACT_JOINTS, Figure, humanoid_figure
 from roam_motion.animation.rows import split_array
-from roam_motion.animation.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
-from roam_motion.control.controller import INTERACT, Body, Control, control, goals_of
+from roam_motion.animation.state import FUTURE, PAST, Characters, shapes_of
+from roam_motion.control.actions import transition
+from roam_motion.control.controller import INTERACT, Body, Control, control
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.planner import Plan
 from roam_motion.control.seat import Seat
@@ -29,10 +31,10 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\4"
+_MARK = b"ROAM\5"
 # Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
 _HEAD = struct.Struct("<5s6i9d")
-_STANDING, _LYING = -1, 1  # of the head's seat
+_NO_SEAT = 0  # in the head, where else the number of the seat's action is
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +61,10 @@ class CharacterState:
         A server writes thousands a minute.
         """
         memory, seat = self.control, self.control.seat
-        parts, volume, kind = [self.row], None, _STANDING
+        parts, volume, kind = [self.row], None, _NO_SEAT
         if seat is not None:
             parts += [getattr(seat, name) for name in _SEAT_FIELDS]
-            kind = _LYING if seat.lying else 0
+            kind = ACTIONS[seat.action].number
             if seat.volume is not None and seat.depths is not None:
                 parts.append(seat.depths)
                 volume = seat.volume
@@ -84,24 +86,27 @@ class CharacterState:
             raise ValueError("not a character state")
         _, mode, since, waiting, kind, width, depths, *plan, clock, along, pace = _HEAD.unpack_from(data)
         joints = shapes_of(width)["velocities"][0]
-        count = width + (0 if kind == _STANDING else 12 * joints + 8 + depths)
+        count = width + (0 if kind == _NO_SEAT else 12 * joints + 8 + depths)
         if len(data) < _HEAD.size + 4 * count:
             raise ValueError("a character state that was cut short")
         numbers = np.frombuffer(data, "<f4", count, _HEAD.size).astype(np.float32)
         tail, seat = data[_HEAD.size + 4 * count :], None
         if bool(tail) != bool(depths):
             raise ValueError("a character state of another length than it says")
-        if kind != _STANDING:
-            seat = _seat(numbers[width:], joints, kind == _LYING, Volume.unpacked(tail) if tail else None)
+        if kind != _NO_SEAT:
+            action = action_numbered(kind)
+            if action is None:
+                raise ValueError(f"a character state with action {kind}, which this build does not know")
+            seat = _seat(numbers[width:], joints, action.name, Volume.unpacked(tail) if tail else None)
         return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock, along, pace))
 
 
-def _seat(numbers: np.ndarray, joints: int, lying: bool, volume: Volume | None) -> Seat:
+def _seat(numbers: np.ndarray, joints: int, action: str, volume: Volume | None) -> Seat:
     """From its numbers [12 J + 8 + P] in the order of `_SEAT_FIELDS`, then the depths."""
     ends = [3 * joints, 12 * joints, 12 * joints + 4, 12 * joints + 8]
     positions, orientations, root, stand, depths = np.split(numbers, ends)
     shaped = positions.reshape(-1, 3), orientations.reshape(-1, 3, 3)
-    return Seat(*shaped, root, stand, lying, volume, depths if volume is not None else None)
+    return Seat(action, *shaped, root, stand, volume, depths if volume is not None else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,40 +180,49 @@ class Animator:
         bodies = [
             Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in self._graphs.bodies(rows)
         ]
-        memories, commands = control(self.figure, [state.control for state in states], intents, bodies)
+        memories, goals = control(self.figure, [state.control for state in states], intents, bodies)
         if not self._blending.settling:
-            commands = [command._replace(urgency=0.0) for command in commands]
-        goals, clock = goals_of(self.figure, commands), [memory.clock for memory in memories]
+            goals.fields["urgency"][:] = 0.0
+        clock = [memory.clock for memory in memories]
         settled = split_array(rows, shapes_of(rows.shape[1]))["settled"]
-        shown = self._graphs.step(rows, goals, clock, _around(memories, bodies, settled))
-        frames = _frames(shown, memories)
+        shown = self._graphs.step(rows, goals.rows, clock, _around(memories, bodies, settled))
+        frames = _frames(self.figure, shown, memories)
         after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
 
 
-def _frames(shown: Shown, memories: Sequence[Control]) -> list[FrameData]:
+def _frames(figure: Figure, shown: Shown, memories: Sequence[Control]) -> list[FrameData]:
     """One of each; those who take or hold a goal pose tell how far it is."""
-    gaps = [_gap(memory, *of_each) for memory, *of_each in zip(memories, shown.positions, shown.apart, strict=True)]
-    actions = [ACTIONS[int(style)] for style in shown.style]
+    told = [
+        _told(figure, memory, *of_each)
+        for memory, *of_each in zip(memories, shown.style, shown.positions, shown.apart, strict=True)
+    ]
     numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
-    return [FrameData(*parts) for parts in zip(*numbers, actions, gaps, strict=True)]
+    return [FrameData(*parts, *labels) for *parts, labels in zip(*numbers, told, strict=True)]
 
 
-def _gap(memory: Control, positions: np.ndarray, apart: np.ndarray) -> float | None:
-    """Mean joint distance to the goal pose [m]: `apart` is from the pose asked of the network, which for someone who is
-    about to lie down is another one."""
+def _told(
+    figure: Figure, memory: Control, style: float, positions: np.ndarray, apart: float
+) -> tuple[str, float | None]:
+    """The action that a frame shows, and the mean joint distance to the goal pose [m], if there is one.
+
+    `apart` is from the pose asked of the model, which on a planned way is another one.
+    """
+    name = STYLES[int(style)]
     if memory.mode != INTERACT or memory.seat is None:
-        return None
-    if memory.seat.lying:
-        return float(np.linalg.norm(positions - memory.seat.positions, axis=-1).mean())
-    return float(apart)
+        return name, None
+    if ACTIONS[memory.seat.action].style == name:
+        name = memory.seat.action
+    if transition(figure, memory.seat):
+        return name, float(np.linalg.norm(positions - memory.seat.positions, axis=-1).mean())
+    return name, float(apart)
 
 
 def _around(
     controls: Sequence[Control], bodies: Sequence[Body], settled: np.ndarray
 ) -> tuple[Tensor, Furniture] | None:
     """The rows of characters that can touch their goal's furniture, and it; not of those who hold their goal pose."""
-    rows, volumes, allowed, lying = [], [], [], []
+    rows, volumes, allowed, onto = [], [], [], []
     for row, (memory, body) in enumerate(zip(controls, bodies, strict=True)):
         seat = memory.seat
         if seat is None or seat.volume is None or seat.depths is None or settled[row] > _HELD:
@@ -218,16 +232,18 @@ def _around(
         rows.append(row)
         volumes.append(seat.volume)
         allowed.append(seat.depths)
-        lying.append(memory.along > 0)
-    return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
+        onto.append(memory.along > 0)
+    return (torch.tensor(rows), furniture_of(volumes, allowed, onto)) if rows else None
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:
     """A batch of one that has stood still for a second."""
     positions = figure.positions(hips, orientations)
     frame = figure.frame(positions)
-    row = torch.cat([frame.origin, frame.direction, torch.tensor([[1.0, 0.0, 0.0, 0.0, phase]])], 1)
-    planted = torch.ones(1, 4)
+    row = torch.cat(
+        [frame.origin, frame.direction, torch.tensor([[*(float(style == IDLE.style) for style in STYLES), phase]])], 1
+    )
+    planted = torch.ones(1, len(CONTACT_JOINTS))
     return Characters(
         hips=hips,
         orientations=orientations,

@@ -121,8 +121,8 @@ class Furniture:
         return Furniture(self.values, *(part[rows] for part in parts))
 
 
-def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], lying: list[bool]) -> Furniture:
-    """The volumes of B characters, who lie down on them or not; the same volume is kept once."""
+def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], onto: list[bool]) -> Furniture:
+    """The volumes of B characters, who bring feet and back `onto` them or not; the same volume is kept once."""
     distinct = {id(volume): volume for volume in volumes}
     starts, count = {}, 0
     for key, volume in distinct.items():
@@ -138,7 +138,7 @@ def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], lying: list[b
         pitch=torch.tensor([volume.pitch for volume in volumes], dtype=torch.float32),
         axes=torch.tensor([[[c, 0, -s], [0, 1, 0], [s, 0, c]] for c, s in turns], dtype=torch.float32),
         allowed=torch.from_numpy(np.stack(allowed)),
-        walked_round=1.0 - torch.tensor(lying, dtype=torch.float32),
+        walked_round=1.0 - torch.tensor(onto, dtype=torch.float32),
     )
 
 

@@ -11,8 +11,9 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from roam_motion.actions import IDLE
 from roam_motion.animation.figure import Figure, turn_about
-from roam_motion.animation.state import Characters
+from roam_motion.animation.state import STYLE, Characters
 
 _BREATH = 3.9  # [s]
 _SHIFTS = (7.3, 11.9, 17.1), (9.1, 13.7, 23.3), (6.1, 10.3, 19.9)  # [s] periods about a joint's x, y and z axis
@@ -32,7 +33,7 @@ _RATES = 2 * math.pi / torch.tensor(_SHIFTS)  # [3, 3] [rad/s]
 
 def stillness(characters: Characters) -> Tensor:
     """How much of the living idle shows [B]: all of it in a held pose and when standing, none on the way."""
-    return torch.maximum(characters.settled, characters.past[:, -1, 4]).clamp(0.0, 1.0)
+    return torch.maximum(characters.settled, characters.past[:, -1, STYLE.start + IDLE.column]).clamp(0.0, 1.0)
 
 
 @cache

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from roam_motion.actions import STYLES
 from roam_motion.animation.figure import Figure, Frame, orthonormal
 from roam_motion.animation.rows import split_tensor
-from roam_motion.animation.state import ACTIONS, KEYS, Characters
+from roam_motion.animation.state import KEYS, Characters
 
 
 @dataclass
@@ -39,7 +40,7 @@ def goal_shapes(joints: int) -> dict[str, tuple[int, ...]]:
     return {
         "positions": (KEYS, 2),
         "directions": (KEYS, 2),
-        "action": (len(ACTIONS),),
+        "action": (len(STYLES),),
         "active": (),
         "pose_positions": (joints, 3),
         "pose_orientations": (joints, 3, 3),
@@ -49,7 +50,7 @@ def goal_shapes(joints: int) -> dict[str, tuple[int, ...]]:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Prediction:
     """One prediction in raw units; poses in frames as noted."""
 
     positions: Tensor  # [B, J, 3] next joints in the current root frame [m]
@@ -64,7 +65,7 @@ class Answer:
 
 # A motion model on B characters: their goals, joint positions [B, J, 3] and root frames -> what comes next. Graphs are
 # traced through it, so it may not look at numbers.
-Predict = Callable[[Characters, Goals, Tensor, Frame], Answer]
+Predict = Callable[[Characters, Goals, Tensor, Frame], Prediction]
 
 
 def goal_frame(figure: Figure, goals: Goals) -> Frame:

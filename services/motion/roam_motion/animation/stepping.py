@@ -38,7 +38,7 @@ _AIRBORNE = 0.105  # [m] an ankle higher than this does not stand
 _UPRIGHT = 0.80  # share of the hips' standing height from which one stands: seated hips are at 0.55 to 0.7 of it
 _STEPPING = 0.90  # the same, from which one begins a step: nobody lifts a foot who sits down already
 _TALL = 0.985  # share of its length to which the straighter leg is stretched: captured standing 0.974 / 0.983 / 0.985
-_RISE = 0.006, 0.12  # [m], and share of what is missing, that hips rise per frame at most
+_RISE = 0.008, 0.3  # [m], and share of what is missing, that hips rise per frame at most
 
 
 def pose_feet(figure: Figure, positions: Tensor) -> Tensor:
@@ -65,8 +65,8 @@ def step(figure: Figure, characters: Characters, goals: Goals, before: Tensor, w
     high = characters.hips[:, 1] / standing_height(figure)
     standing = _standing(figure, characters, goals, high)
     ruled = (standing > 0.5)[:, None]
-    places, ways = _places(figure, goals)
     ankle, arm = last[:, ::2], last[:, 1::2] - last[:, ::2]
+    places, ways = _places(figure, goals, ankle, arm)
     landed = characters.steps >= 1
     gone = torch.where(landed, torch.zeros_like(characters.steps), characters.steps)
     gone = _begun(
@@ -133,8 +133,11 @@ def _standing(figure: Figure, characters: Characters, goals: Goals, high: Tensor
     return (characters.standing + _CHANGE * change).clamp(0.0, 1.0)
 
 
-def _places(figure: Figure, goals: Goals) -> tuple[Tensor, Tensor]:
-    """Where both ankles belong [B, 2, 3] [m], and the directions [B, 2, 2] that their feet point to."""
+def _places(figure: Figure, goals: Goals, ankle: Tensor, arm: Tensor) -> tuple[Tensor, Tensor]:
+    """Where both ankles belong [B, 2, 3] [m], and the directions [B, 2, 2] that their feet point to.
+
+    Before a seat whose pose has its feet in the air they belong where they are: `ankle` and `arm` [B, 2, 3].
+    """
     ahead, scale = goals.directions[:, _KEY], size(figure)
     left = torch.stack([ahead[:, 1], -ahead[:, 0]], -1)
     sides = torch.tensor([1.0, -1.0])[:, None]
@@ -144,6 +147,8 @@ def _places(figure: Figure, goals: Goals) -> tuple[Tensor, Tensor]:
     ways = math.cos(_OUT) * ahead[:, None] + math.sin(_OUT) * sides * left[:, None]
     given = _given(goals)[:, None, None]
     floor, ways = torch.where(given, goals.feet[..., :2], floor), torch.where(given, goals.feet[..., 2:], ways)
+    here = ((goals.active > 0.5) & ~_given(goals))[:, None, None]
+    floor, ways = torch.where(here, ankle[..., ::2], floor), torch.where(here, unit(arm[..., ::2]), ways)
     return torch.stack([floor[..., 0], height, floor[..., 1]], -1), ways
 
 

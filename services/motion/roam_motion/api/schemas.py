@@ -9,7 +9,7 @@ from roam_character.skeleton import Skeleton
 from roam_character.volume import Volume
 from roam_serving.errors import INVALID_ARGUMENT, ServiceError
 
-from roam_motion.actions import ACTIONS
+from roam_motion.actions import ACTIONS, SIT
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.api import validation
 from roam_motion.control.actions import GOAL_ACTIONS
@@ -101,13 +101,16 @@ class VolumeJson(_Strict):
         return validation.volume(self.origin, self.pitch, self.yaw, self.size, self.values)
 
 
+def _known_actions(schema: dict[str, Any]) -> None:
+    """Tells the actions that there are when the description is asked for."""
+    schema["enum"] = list(GOAL_ACTIONS)
+
+
 class GoalJson(_Strict):
     """Head for a goal pose."""
 
     pose: PoseJson
-    action: str = Field(
-        next(iter(GOAL_ACTIONS)), description="what to do there", json_schema_extra={"enum": list(GOAL_ACTIONS)}
-    )
+    action: str = Field(SIT.name, description="what to do there", json_schema_extra=_known_actions)
     goal_pose: str = Field("", max_length=256, description="its name, repeated in events")
     approach: Number | None = Field(None, description="lying: heading from the hips to the open side [rad]")
     obstacles: list[list[tuple[Number, Number]]] = Field(

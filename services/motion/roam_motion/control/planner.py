@@ -17,8 +17,8 @@ from roam_motion.animation.state import KEYS
 from roam_motion.control.paths import Place
 
 _STEP = 1 / 12  # [s] of the simulation; a key is two steps
-_SPEED = 0.9  # [m/s] walking: at 1.0 a swinging foot passes 12 cm a frame
-_BRAKE = 0.9  # [m/s2]
+_SPEED = 1.25  # [m/s] walking: people cross a room at 1.2 to 1.4
+_BRAKE = 0.7  # [m/s2] before the end of the way; tuned on approaches: at 0.9 feet come too near to the seat
 _AGILITY = 0.25, 0.15  # [s] time constants of velocity and turn rate
 _TURN = 1.7  # [rad/s] fastest turn: at 2.2 feet are twisted by more than people's 73 degrees (p99) on approaches
 _TURN_GAIN = 3.5  # [1/s]
@@ -44,7 +44,7 @@ class Plan(NamedTuple):
 
 @dataclass(frozen=True)
 class Target:
-    """Where to stand: place, yaw; and the corners of the way there, both ends included (see ways.py)."""
+    """Where to stand: place, yaw; and the corners of the way there, both ends included (see paths.py)."""
 
     x: float
     z: float

@@ -11,17 +11,15 @@ import torch
 
 from roam_motion.animation.collision import furniture_of
 from roam_motion.animation.figure import Figure
+from roam_motion.control.actions import GOAL_ACTIONS, outlines_of, seat_of
 from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Place, reachable
-from roam_motion.control.seat import goal_arrays, outlines_of, seat_of
+from roam_motion.control.seat import Posture, goal_arrays
 
-# Shares of the leg's length (hips to ankle). Captured sits: hips 0.25 to 1.0 above the ankles, bar stools included; in
-# the lying clips the ankles are between 0.15 under and 0.3 over the hips.
+# Shares of the leg's length (hips to ankle).
 _HIGHEST_HIPS = 1.6  # above the floor: a bunk bed's upper berth (2.0) needs a ladder
-_LEGS_HANG = 0.35  # ankles so far under the hips: nobody lies like that
 _DEEPEST = 0.5  # under the floor, of any joint
 _OFF_FURNITURE = 0.35  # [m] from the hips to the matter that carries them; cushions and lying hips are within 0.2
-_UPRIGHT, _LEVEL = 45.0, 70.0  # [degrees] of the trunk from the vertical: sitting up; too far back for sitting
 
 
 class ImplausibleGoalError(ValueError):
@@ -40,8 +38,7 @@ class UnreachableGoalError(ValueError):
 class _Measures:
     hips: np.ndarray  # [3] [m]
     lowest: float  # joint [m]
-    trunk: float  # from the vertical [degrees]
-    hang: float  # of the ankles under the hips [leg lengths]
+    posture: Posture
     leg: float  # [m]
 
 
@@ -75,7 +72,7 @@ def _measures(figure: Figure, goal: Goal) -> _Measures:
     up = neck - hips
     trunk = float(np.degrees(np.arccos(np.clip(up[1] / max(float(np.linalg.norm(up)), 1e-6), -1.0, 1.0))))
     hang = float(hips[1] - ankles[:, 1].mean()) / rest
-    return _Measures(hips, float(positions[:, 1].min()), trunk, hang, rest)
+    return _Measures(hips, float(positions[:, 1].min()), Posture(trunk, hang), rest)
 
 
 def goal_rest_leg(figure: Figure) -> float:
@@ -100,12 +97,9 @@ def _check_heights(measures: _Measures) -> None:
 
 
 def _check_posture(goal: Goal, measures: _Measures) -> None:
-    if goal.action == "lie" and measures.trunk < _UPRIGHT and measures.hang > _LEGS_HANG:
-        detail = f"the pose sits (trunk {measures.trunk:.0f} degrees from upright, legs down); ask for SIT"
-        raise ImplausibleGoalError("action", detail)
-    if goal.action == "sit" and measures.trunk > _LEVEL:
-        detail = f"the pose lies (trunk {measures.trunk:.0f} degrees from upright); ask for LIE"
-        raise ImplausibleGoalError("action", detail)
+    objection = GOAL_ACTIONS[goal.action].objection(measures.posture)
+    if objection:
+        raise ImplausibleGoalError("action", objection)
 
 
 def _check_furniture(goal: Goal, hips: np.ndarray) -> None:

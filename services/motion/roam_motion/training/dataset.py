@@ -9,6 +9,7 @@ from roam_character.rotation import quat_to_matrix
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
+from roam_motion.actions import STYLES
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.state import FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
@@ -104,7 +105,7 @@ class Dataset:
         return Goals(
             positions=keys[..., :2],
             directions=keys[..., 2:],
-            action=torch.nn.functional.one_hot(self.intent[at], 4).float(),
+            action=torch.nn.functional.one_hot(self.intent[at], len(STYLES)).float(),
             active=active,
             pose_positions=pose,
             pose_orientations=self.goal_orientations[safe],

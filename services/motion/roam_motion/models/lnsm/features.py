@@ -17,8 +17,20 @@ from torch import Tensor
 
 from roam_motion.actions import STYLES
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, Frame, six
-from roam_motion.animation.prediction import Answer, Goals, goal_frame
-from roam_motion.animation.state import FUTURE, KEY_STRIDE, KEYS, Characters, phase_vector
+from roam_motion.animation.prediction import Goals, Prediction, goal_frame
+from roam_motion.animation.state import (
+    DIRECTION,
+    FUTURE,
+    KEY_STRIDE,
+    KEYS,
+    LABELLED,
+    PHASE,
+    PLACE,
+    ROOT,
+    STYLE,
+    Characters,
+    phase_vector,
+)
 
 _SCALES = 3  # of the gate's actions: 1, the goal's distance, its angle
 
@@ -66,8 +78,8 @@ def output_widths(joints: int) -> dict[str, int]:
         "axes": 6 * joints,
         "inverse_positions": 3 * joints,
         "inverse_axes": 6 * joints,
-        "trajectory": (FUTURE + 1) * (4 + len(STYLES)),
-        "inverse_trajectory": (FUTURE + 1) * 4,
+        "trajectory": (FUTURE + 1) * LABELLED.stop,
+        "inverse_trajectory": (FUTURE + 1) * ROOT.stop,
         "contacts": len(CONTACT_JOINTS),
         "phase": FUTURE + 1,
     }
@@ -87,8 +99,8 @@ def encode(characters: Characters, goals: Goals, positions: Tensor, root: Frame)
     """Inputs for B characters whose joints are at `positions` [B, J, 3] with root frame `root`."""
     keys = trajectory_keys(characters)
     pose = _joints_in(root, positions, characters.orientations, characters.velocities)
-    places, directions = _series_in(root, keys[..., :2], keys[..., 2:4])
-    series = [places, directions, keys[..., 4:8]]
+    places, directions = _series_in(root, keys[..., PLACE], keys[..., DIRECTION])
+    series = [places, directions, keys[..., STYLE]]
     frame = torch.cat([pose.flatten(1), *(part.flatten(1) for part in series), characters.contacts], 1)
     places, directions = _series_in(root, goals.positions, goals.directions)
     goal_pose = _joints_in(root, goals.pose_positions, goals.pose_orientations) * goals.active[:, None, None]
@@ -110,30 +122,30 @@ def _series_in(root: Frame, places: Tensor, directions: Tensor) -> tuple[Tensor,
 
 
 def _encode_gating(keys: Tensor, action: Tensor, places: Tensor, directions: Tensor) -> Tensor:
-    phase = phase_vector(keys[..., 8])  # [B, 13, 2]
+    phase = phase_vector(keys[..., PHASE.start])  # [B, 13, 2]
     distance = torch.linalg.vector_norm(places, dim=-1).clamp_max(3.0)
     angle = torch.atan2(directions[..., 0], directions[..., 1])
     # Labels become signs, so that every label is visible at every phase: a label of 0 would hide the phase.
     scales = torch.stack([torch.ones_like(distance), distance, angle], -1)  # [B, 13, 3]
-    styles = (2 * keys[..., 4:8] - 1)[..., :, None] * phase[..., None, :]  # [B, 13, 4, 2]
+    styles = (2 * keys[..., STYLE] - 1)[..., :, None] * phase[..., None, :]  # [B, 13, 4, 2]
     actions = (2 * action - 1)[:, None, :, None, None] * (scales[..., :, None] * phase[..., None, :])[:, :, None]
     return torch.cat([styles.flatten(1), actions.flatten(1)], 1)
 
 
-def decode(output: Tensor, characters: Characters, positions: Tensor, root: Frame) -> Answer:
+def decode(output: Tensor, characters: Characters, positions: Tensor, root: Frame) -> Prediction:
     """Splits a raw output [B, O] and adds the current pose to the forward change."""
     joints = positions.shape[1]
     columns = output_widths(joints)
     blocks = dict(zip(columns, output.split(list(columns.values()), 1), strict=True))
     batch = output.shape[0]
     pose = _joints_in(root, positions, characters.orientations)
-    return Answer(
+    return Prediction(
         positions=pose[..., :3] + blocks["positions"].reshape(batch, joints, 3),
         axes=pose[..., 3:] + blocks["axes"].reshape(batch, joints, 6),
         inverse_positions=blocks["inverse_positions"].reshape(batch, joints, 3),
         inverse_axes=blocks["inverse_axes"].reshape(batch, joints, 6),
-        trajectory=blocks["trajectory"].reshape(batch, FUTURE + 1, 8),
-        inverse_trajectory=blocks["inverse_trajectory"].reshape(batch, FUTURE + 1, 4),
+        trajectory=blocks["trajectory"].reshape(batch, FUTURE + 1, LABELLED.stop),
+        inverse_trajectory=blocks["inverse_trajectory"].reshape(batch, FUTURE + 1, ROOT.stop),
         contacts=blocks["contacts"],
         phase=blocks["phase"],
     )
@@ -163,8 +175,8 @@ def encode_targets(
         axes,
         goal.turn_in(targets.positions - goals.pose_positions) * goals.active[:, None, None],
         six(relative) * goals.active[:, None, None],
-        torch.cat([root.points_in(keys[..., :2]), root.turn_in(keys[..., 2:4]), keys[..., 4:8]], -1),
-        torch.cat([goal.points_in(keys[..., :2]), goal.turn_in(keys[..., 2:4])], -1),
+        torch.cat([root.points_in(keys[..., PLACE]), root.turn_in(keys[..., DIRECTION]), keys[..., STYLE]], -1),
+        torch.cat([goal.points_in(keys[..., PLACE]), goal.turn_in(keys[..., DIRECTION])], -1),
         targets.contacts,
         targets.phase,
     ]

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.figure import Figure, Frame
-from roam_motion.animation.prediction import Answer, Goals, Predict
+from roam_motion.animation.prediction import Goals, Predict, Prediction
 from roam_motion.animation.state import Characters
 from roam_motion.animation.torchscript import scripted, traced
 from roam_motion.models.lnsm.config import NetworkConfig, Parts
@@ -41,7 +41,9 @@ class LnsmModel:
 
     def predictor(self) -> Predict:
         """Its weights made ready to be asked for every frame."""
-        return predicting(self.figure.joint_count, self.network.config.parts, Prediction(self.network, self.normaliser))
+        return predicting(
+            self.figure.joint_count, self.network.config.parts, ChunkedNetwork(self.network, self.normaliser)
+        )
 
 
 def load(figure: Figure, metadata: Mapping[str, str], tensors: Mapping[str, Tensor]) -> LnsmModel:
@@ -60,14 +62,14 @@ def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 def predicting(joints: int, parts: Parts, raw: Callable[[Inputs], Tensor]) -> Predict:
     """A raw network, inputs -> output [B, O], as a motion model."""
 
-    def predict(characters: Characters, goals: Goals, positions: Tensor, root: Frame) -> Answer:
+    def predict(characters: Characters, goals: Goals, positions: Tensor, root: Frame) -> Prediction:
         output = raw(parts.seen(encode(characters, goals, positions, root)))
         return decode(parts.answered(joints, output), characters, positions, root)
 
     return predict
 
 
-class Prediction:
+class ChunkedNetwork:
     """Raw inputs to raw outputs; weights are made ready once."""
 
     def __init__(self, network: MotionNetwork, normaliser: Normaliser) -> None:

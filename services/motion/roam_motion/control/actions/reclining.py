@@ -7,7 +7,7 @@ joint's speed is bounded, and the ends are eased. Getting up plays the same pose
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,9 +15,10 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
+from roam_motion.actions import SIT
 from roam_motion.animation.collision import Furniture, furniture_of, goal_depths, keep_clear
 from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, unit
-from roam_motion.control.seat import Seat
+from roam_motion.control.seat import Seat, Transition
 
 _SAMPLES = 44  # poses that are planned, before they are timed
 _FASTEST = 0.034, 0.10  # [m], [rad] a joint moves, a bone turns per frame at most
@@ -33,34 +34,8 @@ _SKIN = 0.012  # [m] kept between legs and furniture
 _ROUNDS = 6, 2  # of lifting legs, of clearing arms
 _SOFTNESS = 2  # samples over which lifts and turns are smoothed
 _ARM = (-0.45, -1.30), -0.95  # [rad] upper arm forward and down, elbow bent: hands over the thighs
+_LIES = 0.4  # share of the way from which one lies: the hips have left the edge
 _STOOP = {"spine": 0.10, "chest": 0.08, "neck": 0.06}  # [rad] forward
-
-
-@dataclass(frozen=True, eq=False)
-class Reclining:
-    """T poses at 30 Hz from a seat on the edge to the lying pose."""
-
-    edge: Seat
-    lying: Seat
-    positions: np.ndarray  # [T, J, 3] [m]
-    orientations: np.ndarray  # [T, J, 3, 3]
-    roots: np.ndarray  # [T, 4] x, z, direction
-
-    @property
-    def last(self) -> int:
-        """The frame that lies."""
-        return len(self.positions) - 1
-
-    def at(self, frame: int) -> Seat:
-        """The pose of a frame, as something to be held."""
-        if frame <= 0 or frame >= self.last:
-            return self.edge if frame <= 0 else self.lying
-        return replace(
-            self.lying,
-            positions=self.positions[frame],
-            orientations=self.orientations[frame],
-            root=self.roots[frame],
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +50,7 @@ class _Place:
 
 
 @lru_cache(maxsize=128)
-def reclining_of(figure: Figure, seat: Seat) -> Reclining:
+def reclining_of(figure: Figure, seat: Seat) -> Transition:
     """The way from the edge into a lying `seat`."""
     place = _place(figure, seat)
     share = torch.linspace(0, 1, _SAMPLES)
@@ -89,7 +64,7 @@ def reclining_of(figure: Figure, seat: Seat) -> Reclining:
     frame = figure.frame(positions)
     roots = torch.cat([frame.origin, frame.direction], 1).numpy()
     edge = _edge(figure, seat, positions[0].numpy(), orientations[0].numpy(), roots[0])
-    return Reclining(edge, seat, positions.numpy(), orientations.numpy(), roots)
+    return Transition(edge, seat, positions.numpy(), orientations.numpy(), roots, _LIES)
 
 
 def _edge(figure: Figure, seat: Seat, positions: np.ndarray, orientations: np.ndarray, root: np.ndarray) -> Seat:
@@ -97,7 +72,7 @@ def _edge(figure: Figure, seat: Seat, positions: np.ndarray, orientations: np.nd
     depths = None
     if seat.volume is not None and seat.depths is not None:
         depths = np.maximum(goal_depths(figure, positions, orientations, seat.volume), seat.depths)
-    return Seat(positions, orientations, root, seat.stand, False, seat.volume, depths)
+    return Seat(SIT.name, positions, orientations, root, seat.stand, seat.volume, depths)
 
 
 def _place(figure: Figure, seat: Seat) -> _Place:

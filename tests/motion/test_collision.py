@@ -9,7 +9,7 @@ from roam_motion.animator import CharacterState
 from roam_motion.control.intent import Goal, Idle
 from roam_motion.control.seat import goal_arrays
 from standing import random_animator, seated_pose
-from test_step import played
+from test_animator import played
 
 FIGURE = humanoid_figure()
 PITCH = 0.04
