@@ -17,9 +17,9 @@ from roam_motion.control.paths import Place, reachable
 from roam_motion.control.seat import Posture, goal_arrays
 
 # Shares of the leg's length (hips to ankle).
-_HIGHEST_HIPS = 1.6  # above the floor: a bunk bed's upper berth (2.0) needs a ladder
+_HIGHEST_HIPS = 1.6  # above the floor; 954 goal poses: at most 1.3, on bar stools; an upper berth (2.0) needs a ladder
 _DEEPEST = 0.5  # under the floor, of any joint
-_OFF_FURNITURE = 0.35  # [m] from the hips to the matter that carries them; cushions and lying hips are within 0.2
+_OFF_FURNITURE = 0.35  # [m] from the hips joint to the matter that carries it, flesh and grid included: chosen wide
 
 
 class ImplausibleGoalError(ValueError):

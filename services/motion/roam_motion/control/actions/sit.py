@@ -18,7 +18,7 @@ from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Outline, Place, edge
 from roam_motion.control.seat import Posture, Seat, ankles_of, depths_of, floor_frame, pair, posture, rectangle
 
-_LEVEL = 70.0  # [degrees] trunk from the vertical; the most reclined sitting reference is at 40
+_LEVEL = 70.0  # [degrees] trunk from the vertical; of 477 sitting goal poses the most reclined is at 48
 _CALVES = 0.16  # [m] standing place in front of the furniture's edge; tuned on the 52 test objects
 _STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most; tuned like it
 _ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and up to here behind the ankles: chairs' halves
