@@ -54,8 +54,8 @@ def test_a_turned_volume_is_turned():
         torch.tensor(corner, dtype=torch.float32)[None, None]
     )
     assert float(distance) < -0.05
-    assert near(volume, float(corner[0]), float(corner[2]))
-    assert not near(volume, float(corner[0]) + 3, float(corner[2]))
+    assert near(FIGURE, volume, float(corner[0]), float(corner[2]))
+    assert not near(FIGURE, volume, float(corner[0]) + 3, float(corner[2]))
 
 
 def test_a_hand_in_the_furniture_comes_out_and_bones_keep_their_lengths():

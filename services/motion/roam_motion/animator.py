@@ -185,7 +185,7 @@ class Animator:
             goals.fields["urgency"][:] = 0.0
         clock = [memory.clock for memory in memories]
         settled = split_array(rows, shapes_of(rows.shape[1]))["settled"]
-        shown = self._graphs.step(rows, goals.rows, clock, _around(memories, bodies, settled))
+        shown = self._graphs.step(rows, goals.rows, clock, _around(self.figure, memories, bodies, settled))
         frames = _frames(self.figure, shown, memories)
         after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
@@ -219,7 +219,7 @@ def _told(
 
 
 def _around(
-    controls: Sequence[Control], bodies: Sequence[Body], settled: np.ndarray
+    figure: Figure, controls: Sequence[Control], bodies: Sequence[Body], settled: np.ndarray
 ) -> tuple[Tensor, Furniture] | None:
     """The rows of characters that can touch their goal's furniture, and it; not of those who hold their goal pose."""
     rows, volumes, allowed, onto = [], [], [], []
@@ -227,7 +227,7 @@ def _around(
         seat = memory.seat
         if seat is None or seat.volume is None or seat.depths is None or settled[row] > _HELD:
             continue
-        if not near(seat.volume, body.x, body.z):
+        if not near(figure, seat.volume, body.x, body.z):
             continue
         rows.append(row)
         volumes.append(seat.volume)

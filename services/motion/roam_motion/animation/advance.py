@@ -15,10 +15,11 @@ from roam_motion.animation.collision import Furniture, keep_clear
 from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.foot_contacts import plant
 from roam_motion.animation.prediction import Goals, Predict, Prediction, goal_frame
+from roam_motion.animation.proportions import size
 from roam_motion.animation.state import FRAME_RATE, LABELLED, PHASE, STYLE, Characters
 from roam_motion.animation.stepping import Steps, halted, step
 
-_HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
+_HANGING = 0.105  # [m], for legs of 0.82 m: an ankle higher than this does not stand on the floor
 _COMMITTED = 0.3  # blending weight from which feet go where the goal pose has them
 # Style labels that count as taking a goal pose; whatever else the goal's own action shows counts as well.
 _CARRIED = torch.tensor([float(style in CARRIED) for style in STYLES])
@@ -160,7 +161,7 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
 def _standing(figure: Figure, goals: Goals, styles: Tensor, seated: Tensor) -> Tensor:
     """Whether each contact [B, 4] belongs on the floor: not when lying, and not where the goal's foot hangs."""
     ankles = goals.pose_positions[:, figure.contacts[[0, 2]], 1].repeat_interleave(2, 1)
-    hanging = (ankles > _HANGING) & (seated[:, None] > _COMMITTED)
+    hanging = (ankles > _HANGING * size(figure)) & (seated[:, None] > _COMMITTED)
     return (styles[:, LIE.column, None] < 0.5).float() * (~hanging).float()
 
 

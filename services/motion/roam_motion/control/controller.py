@@ -4,6 +4,9 @@ Three modes. FREE follows a planned path. INTERACT gives the goal pose to the mo
 bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. Where an action has a
 planned way (`Transition`), the goal pose moves along it from the entry pose, both ways, and alone decides. What differs
 between actions is in actions/.
+
+Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
+`roam evaluate motion` are measured with them.
 """
 
 import math
@@ -16,6 +19,7 @@ from roam_motion.actions import ACTIONS, IDLE, STYLES, WALK
 from roam_motion.animation.collision import near
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.prediction import goal_shapes
+from roam_motion.animation.proportions import size
 from roam_motion.animation.rows import row_width, split_array
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animation.stepping import BEHIND
@@ -102,7 +106,7 @@ def control(
             free.append(row)
     aims = [_aim(figure, after[row], intents[row]) for row in free]
     for row, aim in zip(free, aims, strict=True):
-        x, z = _anchor(aim, bodies[row])
+        x, z = _anchor(figure, aim, bodies[row])
         plan = follow(after[row].plan, aim, x, z, bodies[row].yaw, 1 / FRAME_RATE)
         after[row] = after[row]._replace(plan=plan)
     _walk(figure, [(row, after[row], bodies[row]) for row in free], aims, goals)
@@ -116,7 +120,7 @@ def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Cont
         state = state._replace(mode=RISE, since=0)
     if state.mode != FREE and state.seat is not None and (planned := transition(figure, state.seat)):
         state = _moved_along(planned, state, body)
-    if state.mode == RISE and state.along == 0 and (_stands(state, body) or state.since > _RISE_LIMIT):
+    if state.mode == RISE and state.along == 0 and (_stands(figure, state, body) or state.since > _RISE_LIMIT):
         state = Control(Plan(body.x, body.z, yaw=body.yaw), seat=state.seat, clock=state.clock)
     return _approach(figure, state, intent, body) if state.mode == FREE else state
 
@@ -130,7 +134,7 @@ def _walk(
     alike = (directions[:, 4] * directions[:, 0]).sum(1).tolist()
     for index, ((row, state, body), aim) in enumerate(zip(characters, aims, strict=True)):
         plan = state.plan
-        x, z = _over_feet(body)
+        x, z = _over_feet(figure, body)
         still = gone[index] < 0.1 and alike[index] > 0.95
         # Off balance, or still under way: take a step.
         still = still and math.hypot(plan.vx, plan.vz) < 0.15
@@ -179,17 +183,18 @@ def _entered(entry: Seat, state: Control, body: Body) -> bool:
     return (apart < _ENTERED[0] and state.since > _ENTERED[1]) or state.since > _LATE + _URGENT
 
 
-def _anchor(aim: Aim, body: Body) -> tuple[float, float]:
+def _anchor(figure: Figure, aim: Aim, body: Body) -> tuple[float, float]:
     """Where the plan belongs: at the root, but when standing still over the feet, or they lean on each other."""
     stands = isinstance(aim, Steering) and math.hypot(aim.vx, aim.vz) < 0.05
-    return _over_feet(body) if stands else (body.x, body.z)
+    return _over_feet(figure, body) if stands else (body.x, body.z)
 
 
-def _over_feet(body: Body) -> tuple[float, float]:
+def _over_feet(figure: Figure, body: Body) -> tuple[float, float]:
     """Where the root of a body is that stands well on its feet: a little before its ankles."""
     if body.feet is None:
         return body.x, body.z
-    return body.feet[0] + BEHIND * math.sin(body.yaw), body.feet[1] + BEHIND * math.cos(body.yaw)
+    behind = BEHIND * size(figure)
+    return body.feet[0] + behind * math.sin(body.yaw), body.feet[1] + behind * math.cos(body.yaw)
 
 
 def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:
@@ -198,11 +203,11 @@ def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:
     return not seat_of(figure, intent, (body.x, body.z)).same_as(state.seat)
 
 
-def _stands(state: Control, body: Body) -> bool:
+def _stands(figure: Figure, state: Control, body: Body) -> bool:
     if state.seat is None:
         return True
     apart = math.hypot(body.x - state.seat.stand[0], body.z - state.seat.stand[1])
-    return body.height > _UPRIGHT and (apart < 0.2 or state.since > 2 * FRAME_RATE)
+    return body.height > _UPRIGHT * size(figure) and (apart < 0.2 or state.since > 2 * FRAME_RATE)
 
 
 def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
@@ -211,7 +216,9 @@ def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Con
     The seat that somebody has left stays in mind as long as limbs can touch it.
     """
     if not isinstance(intent, Goal):
-        touches = state.seat is not None and state.seat.volume is not None and near(state.seat.volume, body.x, body.z)
+        touches = (
+            state.seat is not None and state.seat.volume is not None and near(figure, state.seat.volume, body.x, body.z)
+        )
         return state if touches else state._replace(seat=None, waiting=0)
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):

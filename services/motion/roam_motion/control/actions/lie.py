@@ -3,6 +3,9 @@
 Where to stand depends on the lying pose's open side. That is the one asked for, else the one where no back rest or
 headboard is in the way, else the one where the furniture ends sooner (a back rest is on the other), else the one that
 the character is on.
+
+Lengths are for legs of 0.82 m (see proportions.py) and were chosen by hand; the approaches of `roam evaluate motion`
+are measured with them.
 """
 
 from functools import lru_cache
@@ -14,19 +17,20 @@ from roam_character.volume import Volume
 from roam_motion.actions import LIE
 from roam_motion.animation.collision import furniture_of
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.proportions import size
 from roam_motion.control.actions.reclining import reclining_of
 from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Outline, Place, edge
 from roam_motion.control.seat import Posture, Seat, Transition, depths_of, floor_frame, pair, posture, rectangle
 
-_ASIDE = 0.38  # [m] standing place beside the lying hips, at least; tuned on the test beds and sofas
+_ASIDE = 0.38  # [m] standing place beside the lying hips, at least
 _UPRIGHT = 45.0  # [degrees] trunk from the vertical; 477 lying goal poses: 30 to 103, half of them over 87
 _LEGS_HANG = 0.5  # [leg lengths] ankles under the hips; the same poses: -0.17 to 0.44, 95 % of sitting ones over 0.49
 _CALVES = 0.16  # [m] standing place in front of the furniture's edge, as for sitting
-_LOPSIDED = 0.10  # [m] difference between the furniture's two sides that tells where its back is; tuned on sofas
+_LOPSIDED = 0.10  # [m] difference between the furniture's two sides that tells where its back is
 _WALL = 0.12, 0.2, 0.28  # [m] over lying hips: nothing that one sits down or climbs across
 _WALL_STEP = 0.06  # [m] between the places that are looked at: no board is so thin that it is overlooked
-_ROOM = 0.15  # [m] kept clear around a lying pose: half a trunk's width
+_ROOM = 0.15  # [m] kept clear around a lying pose
 
 
 class Lie:
@@ -50,7 +54,8 @@ class Lie:
     def room(self, figure: Figure, goal: Goal) -> Outline:
         """A rectangle around all joints."""
         origin, axes, flat = floor_frame(figure, goal)
-        (left, back), (right, front) = flat.min(0) - _ROOM, flat.max(0) + _ROOM
+        room = _ROOM * size(figure)
+        (left, back), (right, front) = flat.min(0) - room, flat.max(0) + room
         return rectangle(origin, axes, (left, back), (right, front))
 
     def footing(self, figure: Figure, seat: Seat) -> None:
@@ -92,6 +97,7 @@ def _lying(figure: Figure, goal: Goal, left: float) -> Seat:
     """With the standing place square to the body, on its left (1) or right (-1)."""
     positions, orientations, root = posture(figure, goal)
     side = left * np.array([root[3], -root[2]], np.float32)
-    ahead = max(_ASIDE, edge(pair(root[:2]), pair(side), goal.obstacles) + _CALVES)
+    scale = size(figure)
+    ahead = max(_ASIDE * scale, edge(pair(root[:2]), pair(side), goal.obstacles) + _CALVES * scale)
     stand = np.concatenate([root[:2] + ahead * side, side]).astype(np.float32)
     return Seat(LIE.name, positions, orientations, root, stand, goal.volume, depths_of(figure, goal))

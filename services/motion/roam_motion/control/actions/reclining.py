@@ -4,6 +4,9 @@ There is one captured recline, and it is on the floor: a network learns from tha
 legs come over an edge. So it walks up and sits down on the edge, which it does well, and what follows is worked out
 once per goal: hips turn and scoot, legs are lifted over whatever is in their way, the trunk reclines. Every bone's and
 joint's speed is bounded, and the ends are eased. Getting up plays the same poses backwards.
+
+Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
+`roam evaluate motion` are measured with them.
 """
 
 import math
@@ -18,6 +21,7 @@ from torch.linalg import vector_norm
 from roam_motion.actions import SIT
 from roam_motion.animation.collision import Furniture, furniture_of, goal_depths, keep_clear
 from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, unit
+from roam_motion.animation.proportions import size
 from roam_motion.control.seat import Seat, Transition
 
 _SAMPLES = 44  # poses that are planned, before they are timed
@@ -79,7 +83,7 @@ def _place(figure: Figure, seat: Seat) -> _Place:
     aside, along = (torch.tensor([float(v[0]), 0.0, float(v[1])]) for v in (seat.stand[2:], seat.root[2:]))
     lying = torch.from_numpy(seat.positions[0])
     out = float((seat.stand[:2] - seat.root[:2]) @ seat.stand[2:])
-    ahead = max(out - 0.05 - _HIPS_BACK, 0.0)
+    ahead = max(out - (0.05 + _HIPS_BACK) * size(figure), 0.0)
     seated = torch.tensor([float(seat.root[0]), 0.0, float(seat.root[1])]) + ahead * aside
     furniture = None
     if seat.volume is not None and seat.depths is not None:
@@ -197,9 +201,10 @@ def _legs_bent(
 def _ankles(figure: Figure, seat: Seat, place: _Place, hips: Tensor, yaw: Tensor, share: Tensor) -> Tensor:
     """Where the ankles would be if nothing were in their way [N, 2, 3] [m]: left, right."""
     foot = figure.legs[:, 2]
-    sides = torch.tensor([_BESIDE, -_BESIDE])
-    floor = torch.stack([sides, torch.full((2,), _ANKLE) - place.hips[0, 1], torch.full((2,), _HIPS_BACK)], 1)
-    tucked = torch.stack([sides, torch.full((2,), _TUCKED[1]), torch.full((2,), _TUCKED[0])], 1)
+    beside, ankle, back, ahead, above = (size(figure) * length for length in (_BESIDE, _ANKLE, _HIPS_BACK, *_TUCKED))
+    sides = torch.tensor([beside, -beside])
+    floor = torch.stack([sides, torch.full((2,), ankle) - place.hips[0, 1], torch.full((2,), back)], 1)
+    tucked = torch.stack([sides, torch.full((2,), above), torch.full((2,), ahead)], 1)
     end = torch.from_numpy(seat.positions[foot] - seat.positions[0])
     lead = share[:, None] + _LEAD * place.sense * torch.tensor([1.0, -1.0]) * torch.sin(math.pi * share)[:, None]
     relative = torch.lerp(floor, tucked, _eased(lead, 0.0, 0.42)[..., None])

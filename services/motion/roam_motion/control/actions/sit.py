@@ -2,7 +2,8 @@
 
 The paper sets the walking goal 0.3 m in front of the goal feet. In the captured sits people stand *over* their later
 feet when they begin (median 0.00 m), so the standing place has their feet there already, or farther away where the
-furniture's edge would be in the calves.
+furniture's edge would be in the calves. The other lengths are for legs of 0.82 m (see proportions.py) and were chosen
+by hand; the approaches of `roam evaluate motion` are measured with them.
 """
 
 from functools import lru_cache
@@ -19,9 +20,9 @@ from roam_motion.control.paths import Outline, Place, edge
 from roam_motion.control.seat import Posture, Seat, ankles_of, depths_of, floor_frame, pair, posture, rectangle
 
 _LEVEL = 70.0  # [degrees] trunk from the vertical; of 477 sitting goal poses the most reclined is at 48
-_CALVES = 0.16  # [m] standing place in front of the furniture's edge; tuned on the 52 test objects
-_STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most; tuned like it
-_ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and up to here behind the ankles: chairs' halves
+_CALVES = 0.16  # [m] standing place in front of the furniture's edge
+_STEP_BACK = 0.15  # [m] the edge moves the standing place away from the feet by this much at most
+_ROOM = 0.33, 0.42, 0.12  # [m] kept clear beside and behind the hips, and up to here behind the ankles
 
 
 class Sit:
@@ -40,7 +41,7 @@ class Sit:
     def room(self, figure: Figure, goal: Goal) -> Outline:
         """A rectangle beside and behind the hips and up to the feet."""
         origin, axes, _ = floor_frame(figure, goal)
-        beside, back, behind = _ROOM
+        beside, back, behind = (size(figure) * length for length in _ROOM)
         feet = float((ankles_of(figure, posture(figure, goal)[0]) - origin) @ axes[1])
         return rectangle(origin, axes, (-beside, -back), (beside, max(feet - behind, 0.1)))
 
@@ -56,10 +57,10 @@ class Sit:
 @lru_cache(maxsize=512)
 def _sitting(figure: Figure, goal: Goal) -> Seat:
     positions, orientations, root = posture(figure, goal)
-    hips, facing = root[:2], root[2:]
-    feet = ankles_of(figure, positions) + BEHIND * size(figure) * facing
-    short = edge(pair(hips), pair(facing), goal.obstacles) + _CALVES - float((feet - hips) @ facing)
-    place = feet + min(max(short, 0.0), _STEP_BACK) * facing
+    hips, facing, scale = root[:2], root[2:], size(figure)
+    feet = ankles_of(figure, positions) + BEHIND * scale * facing
+    short = edge(pair(hips), pair(facing), goal.obstacles) + _CALVES * scale - float((feet - hips) @ facing)
+    place = feet + min(max(short, 0.0), _STEP_BACK * scale) * facing
     stand = np.concatenate([place, facing]).astype(np.float32)
     return Seat(SIT.name, positions, orientations, root, stand, goal.volume, depths_of(figure, goal))
 
