@@ -6,9 +6,7 @@ None of them knows how it travels: `api/` maps them to protobuf and JSON, `store
 from dataclasses import dataclass, replace
 from enum import Enum
 
-import numpy as np
-
-from roam_motion.control.intent import Goal, Intent
+from roam_motion.control.intent import Intent, raised
 
 
 class EventKind(Enum):
@@ -57,9 +55,7 @@ class ControlChange:
 
     def lowered(self, floor_height: float) -> "ControlChange":
         """From the client's world to the animator's, whose floor is at 0."""
-        if not isinstance(self.intent, Goal) or not floor_height:
-            return self
-        return replace(self, intent=self.intent.moved(np.array([0, -floor_height, 0], np.float32)))
+        return self if self.intent is None else replace(self, intent=raised(self.intent, -floor_height))
 
 
 @dataclass(frozen=True)
