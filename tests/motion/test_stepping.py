@@ -12,7 +12,7 @@ from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import Characters
 from roam_motion.animation.stepping import Steps, halted, pose_feet, rise, standing_height, step
 from roam_motion.animator import Animator, Goal, Idle, Steer
-from roam_motion.control.seat import footing, seat_of
+from roam_motion.control.actions import footing, seat_of
 from standing import goals_at, random_animator, seated_pose
 
 WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"

@@ -77,7 +77,7 @@ def snapshot(sequence, **changes):
         "sequence": sequence,
         "state": bytes(range(256)),
         "volume": None,
-        "change": ControlChange(Idle(), "mine"),
+        "change": ControlChange(goal_name="mine"),
         "paused": False,
         "last_control_id": 3,
         "answers": ((1, 1), (3, 9)),
@@ -254,7 +254,7 @@ async def test_a_redis_that_is_not_there_is_down():
 @pytest.mark.parametrize(
     "intent",
     [
-        Idle(),
+        Idle(np.float32([1, 1.5, 2])),
         Steer(np.float32([0.1, -1 / 3])),
         Steer(np.float32([0.0, 1.0]), np.float32([0.6, 0.8])),
         Goal(seated_pose(), "lie", np.float32([1.0, 0.0]), (((0.1, 1 / 3), (1.0, 0.0), (0.0, -1.0)),)),

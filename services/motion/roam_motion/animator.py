@@ -16,13 +16,15 @@ from roam_motion.actions import ACTIONS, IDLE, STYLES, action_numbered
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture, furniture_of, near
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, humanoid_figure
+from roam_motion.animation.living import WIDTH as LIFE
+from roam_motion.animation.manner import drawn
 from roam_motion.animation.rows import split_array
 from roam_motion.animation.state import FUTURE, PAST, Characters, shapes_of
 from roam_motion.control.actions import transition
 from roam_motion.control.controller import INTERACT, Body, Control, control
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.planner import Plan
-from roam_motion.control.seat import Seat
+from roam_motion.control.seat import Seat, resting
 from roam_motion.graphs import Graphs, Shown
 from roam_motion.models.registry import MotionModel, load_model
 
@@ -31,7 +33,7 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\5"
+_MARK = b"ROAM\7"
 # Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
 _HEAD = struct.Struct("<5s6i9d")
 _NO_SEAT = 0  # in the head, where else the number of the seat's action is
@@ -161,7 +163,7 @@ class Animator:
         orientations = (turn @ self._model.starts["orientations"][pick])[None]
         x, z = float(position_xz[0]), float(position_xz[1])
         hips = torch.tensor([[x, float(self._model.starts["height"][pick]), z]])
-        batch = _standing(self.figure, hips, orientations, float(rng.random()))
+        batch = _standing(self.figure, hips, orientations, float(rng.random()), drawn(seed))
         return CharacterState(batch.rows()[0].numpy(), Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
     def warmed(self) -> "Animator":
@@ -178,14 +180,15 @@ class Animator:
             return []
         rows = np.stack([state.row for state in states])
         bodies = [
-            Body(x, z, math.atan2(dx, dz), height, (a, b)) for x, z, dx, dz, height, a, b in self._graphs.bodies(rows)
+            Body(x, z, math.atan2(dx, dz), height, (a, b), tuple(manner))
+            for x, z, dx, dz, height, a, b, *manner in self._graphs.bodies(rows)
         ]
         memories, goals = control(self.figure, [state.control for state in states], intents, bodies)
         if not self._blending.settling:
             goals.fields["urgency"][:] = 0.0
-        clock = [memory.clock for memory in memories]
+        life = _life(self.figure, memories, intents)
         settled = split_array(rows, shapes_of(rows.shape[1]))["settled"]
-        shown = self._graphs.step(rows, goals.rows, clock, _around(self.figure, memories, bodies, settled))
+        shown = self._graphs.step(rows, goals.rows, life, _around(self.figure, memories, bodies, settled))
         frames = _frames(self.figure, shown, memories)
         after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
@@ -199,6 +202,18 @@ def _frames(figure: Figure, shown: Shown, memories: Sequence[Control]) -> list[F
     ]
     numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
     return [FrameData(*parts, *labels) for *parts, labels in zip(*numbers, told, strict=True)]
+
+
+def _life(figure: Figure, memories: Sequence[Control], intents: Sequence[Intent]) -> np.ndarray:
+    """What the living idle is told: a row of `Life` for every character [B, 8]."""
+    rows = np.zeros((len(memories), LIFE), np.float32)
+    for row, memory, intent in zip(rows, memories, intents, strict=True):
+        row[0] = memory.clock
+        if memory.mode == INTERACT and memory.seat is not None:
+            row[1:4] = resting(figure, memory.seat)
+        if intent.look_at is not None:
+            row[4:7], row[7] = intent.look_at, 1
+    return rows
 
 
 def _told(
@@ -236,7 +251,7 @@ def _around(
     return (torch.tensor(rows), furniture_of(volumes, allowed, onto)) if rows else None
 
 
-def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) -> Characters:
+def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float, manner: np.ndarray) -> Characters:
     """A batch of one that has stood still for a second."""
     positions = figure.positions(hips, orientations)
     frame = figure.frame(positions)
@@ -257,4 +272,6 @@ def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float) 
         blend=torch.zeros(1),
         standing=torch.zeros(1),
         steps=torch.zeros(1, 2),
+        manner=torch.from_numpy(manner)[None],
+        gaze=torch.zeros(1, 3),
     )

@@ -154,6 +154,8 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
         blend=proposal.seated,
         standing=proposal.standing,
         steps=proposal.progress,
+        manner=characters.manner,
+        gaze=characters.gaze,
     )
     return moved, after
 

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from roam_motion.actions import STYLES, WALK
 from roam_motion.animation.figure import CONTACT_JOINTS
+from roam_motion.animation.manner import NAMES
 from roam_motion.animation.rows import join, row_width, split_tensor
 
 FRAME_RATE = 30  # [Hz]
@@ -47,6 +48,8 @@ class Characters:
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
     standing: Tensor  # [B] 0 going .. 1 standing, where feet step by rule (see stepping.py)
     steps: Tensor  # [B, 2] share of its step by rule that a foot has behind it, 0 on the ground
+    manner: Tensor  # [B, 7] who it is (see manner.py); never changes
+    gaze: Tensor  # [B, 3] yaw and pitch of the head against the body [rad], and how much a look is being held, 0..1
 
     @staticmethod
     def of(rows: Tensor) -> "Characters":
@@ -74,6 +77,8 @@ def _shapes(joints: int) -> dict[str, tuple[int, ...]]:
         "blend": (),
         "standing": (),
         "steps": (2,),
+        "manner": (len(NAMES),),
+        "gaze": (3,),
     }
 
 

@@ -14,13 +14,15 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.animation.figure import Figure, unit
+from roam_motion.animation.manner import of
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.proportions import leg_length, size
 from roam_motion.animation.state import Characters
 
 BEHIND = 0.10  # [m] ankles of a standing body behind its root: captured standing 0.07 / 0.12 / 0.13 (5, 50, 95 %)
-_ASIDE = 0.115  # [m] ankle beside the middle: captured standing 0.07 / 0.13 / 0.20
-_OUT = math.radians(12)  # toes turned out: captured standing 3 / 15 / 24 degrees
+# Mean and deviation of people: ankle beside the middle [m] (captured standing 0.07 / 0.13 / 0.20), and toes turned out
+# [rad] (3 / 15 / 24 degrees).
+_ASIDE, _OUT = (0.12, 0.02), (math.radians(12), math.radians(5))
 _GONE = 0.13, 0.22  # [m] way of the goals in a second below which one stands, above which one goes; tuned on turns
 _CHANGE = 1 / 6  # per frame, from going to standing and back
 _KEY = 2  # of the goals: feet step to where the body will be in a third of a second
@@ -66,7 +68,7 @@ def step(figure: Figure, characters: Characters, goals: Goals, before: Tensor, w
     standing = _standing(figure, characters, goals, high)
     ruled = (standing > 0.5)[:, None]
     ankle, arm = last[:, ::2], last[:, 1::2] - last[:, ::2]
-    places, ways = _places(figure, goals, ankle, arm)
+    places, ways = _places(figure, characters, goals, ankle, arm)
     landed = characters.steps >= 1
     gone = torch.where(landed, torch.zeros_like(characters.steps), characters.steps)
     gone = _begun(
@@ -133,7 +135,7 @@ def _standing(figure: Figure, characters: Characters, goals: Goals, high: Tensor
     return (characters.standing + _CHANGE * change).clamp(0.0, 1.0)
 
 
-def _places(figure: Figure, goals: Goals, ankle: Tensor, arm: Tensor) -> tuple[Tensor, Tensor]:
+def _places(figure: Figure, characters: Characters, goals: Goals, ankle: Tensor, arm: Tensor) -> tuple[Tensor, Tensor]:
     """Where both ankles belong [B, 2, 3] [m], and the directions [B, 2, 2] that their feet point to.
 
     Before a seat whose pose has its feet in the air they belong where they are: `ankle` and `arm` [B, 2, 3].
@@ -141,10 +143,12 @@ def _places(figure: Figure, goals: Goals, ankle: Tensor, arm: Tensor) -> tuple[T
     ahead, scale = goals.directions[:, _KEY], size(figure)
     left = torch.stack([ahead[:, 1], -ahead[:, 0]], -1)
     sides = torch.tensor([1.0, -1.0])[:, None]
+    aside = scale * (_ASIDE[0] + _ASIDE[1] * of(characters.manner, "stance"))[:, None, None] * sides
+    out = (_OUT[0] + _OUT[1] * of(characters.manner, "toes"))[:, None, None]
     middle = (goals.positions[:, _KEY] - BEHIND * scale * ahead)[:, None]
-    floor = middle + _ASIDE * scale * sides * left[:, None]
+    floor = middle + aside * left[:, None]
     height = torch.full_like(floor[..., 0], _FLAT * scale)
-    ways = math.cos(_OUT) * ahead[:, None] + math.sin(_OUT) * sides * left[:, None]
+    ways = out.cos() * ahead[:, None] + out.sin() * sides * left[:, None]
     given = _given(goals)[:, None, None]
     floor, ways = torch.where(given, goals.feet[..., :2], floor), torch.where(given, goals.feet[..., 2:], ways)
     here = ((goals.active > 0.5) & ~_given(goals))[:, None, None]

@@ -18,6 +18,7 @@ import numpy as np
 from roam_motion.actions import ACTIONS, IDLE, STYLES, WALK
 from roam_motion.animation.collision import near
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.manner import NAMES
 from roam_motion.animation.prediction import goal_shapes
 from roam_motion.animation.proportions import size
 from roam_motion.animation.rows import row_width, split_array
@@ -27,13 +28,15 @@ from roam_motion.control.actions import footing, outlines_of, seat_of, transitio
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.pace import followed
 from roam_motion.control.paths import way
-from roam_motion.control.planner import Aim, Plan, Steering, Target, follow, plan_keys, wrap
+from roam_motion.control.planner import SPEED, Aim, Plan, Steering, Target, follow, plan_keys, wrap
 from roam_motion.control.seat import Seat, Transition
 
 FREE, INTERACT, RISE = 0, 1, 2
 _ARRIVED = 0.14, math.radians(28)  # distance and heading from which the interaction may begin
 _CLOSE = 0.35, math.radians(60)  # good enough when no progress is made
 _PATIENCE = 45  # frames
+_PACE = 0.06  # [m/s] of a deviate: people cross a room at 1.15 to 1.35
+_POISE = 5, 4  # frames before a seat until one sits down, and of a deviate: captured people do after 0 to 0.4 s
 _BALANCED = 0.13  # [m] between hips and where they are when one stands well, seen from above
 _UPRIGHT = 0.86  # [m] hips higher than this: standing
 _LATE = 75  # frames after which sitting down should be over; then the goal pose draws ever more
@@ -66,6 +69,11 @@ class Body(NamedTuple):
     yaw: float
     height: float
     feet: tuple[float, float] | None = None  # None: under the root
+    manner: tuple[float, ...] = (0.0,) * len(NAMES)  # see manner.py
+
+    def deviate(self, name: str) -> float:
+        """One number of the manner."""
+        return self.manner[NAMES.index(name)]
 
 
 class GoalRows:
@@ -104,7 +112,7 @@ def control(
             _seated(figure, state, state.seat, goals, row)
         else:
             free.append(row)
-    aims = [_aim(figure, after[row], intents[row]) for row in free]
+    aims = [_aim(figure, after[row], intents[row], bodies[row]) for row in free]
     for row, aim in zip(free, aims, strict=True):
         x, z = _anchor(figure, aim, bodies[row])
         plan = follow(after[row].plan, aim, x, z, bodies[row].yaw, 1 / FRAME_RATE)
@@ -224,7 +232,8 @@ def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Con
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
         seat = seat_of(figure, intent, (body.x, body.z))
     waiting = state.waiting + 1 if _before(seat, body, *_CLOSE) else 0
-    if _before(seat, body, *_ARRIVED) or waiting > _PATIENCE:
+    pause = _POISE[0] + _POISE[1] * body.deviate("poise")
+    if (_before(seat, body, *_ARRIVED) and waiting > pause) or waiting > _PATIENCE:
         return state._replace(mode=INTERACT, seat=seat, since=0, waiting=0)
     return state._replace(seat=seat, waiting=waiting)
 
@@ -235,11 +244,12 @@ def _before(seat: Seat, body: Body, near: float, turned: float) -> bool:
     return math.hypot(body.x - x, body.z - z) < near and abs(wrap(body.yaw - math.atan2(dx, dz))) < turned
 
 
-def _aim(figure: Figure, state: Control, intent: Intent) -> Aim:
+def _aim(figure: Figure, state: Control, intent: Intent, body: Body) -> Aim:
     if isinstance(intent, Goal) and state.seat is not None:
         x, z, dx, dz = map(float, state.seat.stand)
         outlines = outlines_of(figure, intent)
-        return Target(x, z, math.atan2(dx, dz), way((state.plan.x, state.plan.z), (x, z), (dx, dz), outlines))
+        corners = way((state.plan.x, state.plan.z), (x, z), (dx, dz), outlines)
+        return Target(x, z, math.atan2(dx, dz), corners, SPEED + _PACE * body.deviate("pace"))
     if isinstance(intent, Steer):
         turn = None if intent.facing is None else math.atan2(*map(float, intent.facing))
         return Steering(*followed(intent), turn)

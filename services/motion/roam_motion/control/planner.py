@@ -17,7 +17,7 @@ from roam_motion.animation.state import KEYS
 from roam_motion.control.paths import Place
 
 _STEP = 1 / 12  # [s] of the simulation; a key is two steps
-_SPEED = 1.25  # [m/s] walking: people cross a room at 1.2 to 1.4
+SPEED = 1.25  # [m/s] walking: people cross a room at 1.2 to 1.4
 _BRAKE = 0.7  # [m/s2] before the end of the way; tuned on approaches: at 0.9 feet come too near to the seat
 _AGILITY = 0.25, 0.15  # [s] time constants of velocity and turn rate
 _TURN = 1.7  # [rad/s] fastest turn: at 2.2 feet are twisted by more than people's 73 degrees (p99) on approaches
@@ -50,6 +50,7 @@ class Target:
     z: float
     yaw: float
     way: tuple[Place, ...]
+    speed: float = SPEED  # [m/s] at most
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ def _guided(aim: Target) -> Wanted:
     def wanted(x: float, z: float, yaw: float) -> tuple[float, float, float]:
         to_x, to_z, left = _pursue(x, z, legs, aim.way[-1])
         heading = math.atan2(to_x - x, to_z - z)
-        speed = min(_SPEED, math.sqrt(2 * _BRAKE * max(left - 0.02, 0.0)), 2.0 * left)
+        speed = min(aim.speed, math.sqrt(2 * _BRAKE * max(left - 0.02, 0.0)), 2.0 * left)
         if left < _NEAR:
             return speed * math.sin(heading), speed * math.cos(heading), aim.yaw
         # Someone who faces away turns before walking off.

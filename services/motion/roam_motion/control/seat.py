@@ -9,10 +9,12 @@ from roam_character.pose import Pose
 from roam_character.rotation import quat_to_matrix
 from roam_character.volume import Volume
 
-from roam_motion.animation.collision import goal_depths
+from roam_motion.animation.collision import goal_depths, limbs_of
 from roam_motion.animation.figure import Figure
 from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Place
+
+_FOREARM = 4  # last samples of an arm: forearm and hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,17 @@ def posture(figure: Figure, goal: Goal) -> tuple[np.ndarray, np.ndarray, np.ndar
     positions, orientations = goal_arrays(figure, goal.pose)
     frame = figure.frame(torch.from_numpy(positions)[None])
     return positions, orientations, torch.cat([frame.origin[0], frame.direction[0]]).numpy()
+
+
+@lru_cache(maxsize=512)
+def resting(figure: Figure, seat: Seat) -> tuple[float, float, float]:
+    """Whether left hand, right hand and back rest on the furniture (1) or not (0); where it is not known they do."""
+    if seat.depths is None:
+        return 1.0, 1.0, 1.0
+    limbs = limbs_of(figure)
+    left, right = seat.depths[: 2 * limbs.arm_samples].reshape(2, -1)[:, -_FOREARM:]
+    back = seat.depths[-len(limbs.trunk) :]
+    return float(left.max() > 0), float(right.max() > 0), float(back.max() > 0)
 
 
 def depths_of(figure: Figure, goal: Goal) -> np.ndarray | None:

@@ -6,10 +6,9 @@ None of them knows how it travels: `api/` maps them to protobuf and JSON, `store
 from dataclasses import dataclass, replace
 from enum import Enum
 
-import numpy as np
 from roam_character.volume import Volume
 
-from roam_motion.control.intent import Goal, Intent
+from roam_motion.control.intent import Goal, Intent, raised
 
 
 class EventKind(Enum):
@@ -63,9 +62,7 @@ class ControlChange:
 
     def lowered(self, floor_height: float) -> "ControlChange":
         """From the client's world to the animator's, whose floor is at 0."""
-        if not isinstance(self.intent, Goal) or not floor_height:
-            return self
-        return replace(self, intent=self.intent.moved(np.array([0, -floor_height, 0], np.float32)))
+        return self if self.intent is None else replace(self, intent=raised(self.intent, -floor_height))
 
     def followed_by(self, newer: "ControlChange") -> "ControlChange":
         """Both at the same frame: of each kind the newer counts."""

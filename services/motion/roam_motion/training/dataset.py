@@ -11,6 +11,7 @@ from torch import Tensor
 
 from roam_motion.actions import STYLES
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.manner import NAMES
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.state import FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
 from roam_motion.animation.stepping import pose_feet
@@ -79,6 +80,8 @@ class Dataset:
             blend=torch.zeros(batch),
             standing=torch.zeros(batch),
             steps=torch.zeros(batch, 2),
+            manner=torch.zeros(batch, len(NAMES)),
+            gaze=torch.zeros(batch, 3),
         )
 
     def emphasised(self, factor: float, frames: int = 60) -> "Dataset":

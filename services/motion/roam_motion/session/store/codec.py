@@ -68,19 +68,19 @@ class RecordCodec:
         return ControlChange(intent and self._intent(volumes, **intent), fields["goal_name"], fields["paused"])
 
     def _intent(self, volumes: Volumes, kind: str, **fields: Any) -> Intent:
+        look_at = _optional(fields["look_at"])
         if kind == "idle":
-            return Idle()
+            return Idle(look_at)
         if kind == "steer":
-            facing = fields["facing"]
-            return Steer(_array(fields["velocity"]), None if facing is None else _array(facing), fields["action"])
-        approach = fields["approach"]
+            return Steer(_array(fields["velocity"]), _optional(fields["facing"]), fields["action"], look_at)
         rotations = _array(fields["rotations"]).reshape(-1, 4)
         return Goal(
             pose=Pose(self._skeleton, _array(fields["root_position"]), rotations),
             action=fields["action"],
-            approach=None if approach is None else _array(approach),
+            approach=_optional(fields["approach"]),
             obstacles=tuple(tuple((x, z) for x, z in outline) for outline in fields["obstacles"]),
             volume=_named(fields["volume"], volumes),
+            look_at=look_at,
         )
 
 
@@ -94,13 +94,16 @@ def _change_fields(change: ControlChange) -> dict[str, Any]:
 
 
 def _intent_fields(intent: Intent) -> dict[str, Any]:
+    look_at = None if intent.look_at is None else _text(intent.look_at)
     if isinstance(intent, Idle):
-        return {"kind": "idle"}
+        return {"kind": "idle", "look_at": look_at}
     if isinstance(intent, Steer):
         facing = None if intent.facing is None else _text(intent.facing)
-        return {"kind": "steer", "velocity": _text(intent.velocity), "facing": facing, "action": intent.action}
+        steer = {"velocity": _text(intent.velocity), "facing": facing, "action": intent.action}
+        return {"kind": "steer", "look_at": look_at, **steer}
     return {
         "kind": "goal",
+        "look_at": look_at,
         "root_position": _text(intent.pose.root_position),
         "rotations": _text(intent.pose.rotations),
         "action": intent.action,
@@ -112,6 +115,10 @@ def _intent_fields(intent: Intent) -> dict[str, Any]:
 
 def _text(values: np.ndarray) -> str:
     return b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
+
+
+def _optional(text: str | None) -> np.ndarray | None:
+    return None if text is None else _array(text)
 
 
 def _array(text: str) -> np.ndarray:
