@@ -1,4 +1,4 @@
-"""What the network sees and answers (paper 3.2, Eq. 11-13; sizes for 22 joints).
+"""What l-NSM sees and answers (paper 3.2, Eq. 11-13).
 
 Everything is in the current root frame (hips on the floor, torso's facing) unless said. Deviations from the paper, each
 for accuracy after an hour's training instead of a week's:
@@ -6,50 +6,33 @@ for accuracy after an hour's training instead of a week's:
 - the forward pose is answered as *change* from the current pose: an error of a tenth of a deviation is then a
   millimetre;
 - joint velocities are finite differences of what was really shown, not a further answer;
-- the inverse pose turns each joint relative to the goal pose's own joint orientation, so zero means "at the goal";
-- goals are 13 root goals (place, direction) with one action, as the controller sets the action hard for all keys.
+- the inverse pose turns each joint relative to the goal pose's own joint orientation, so zero means "at the goal".
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from roam_motion.animation.figure import Figure, Frame, orthonormal, six
-from roam_motion.animation.rows import split_tensor
-from roam_motion.animation.state import ACTIONS, FUTURE, KEY_STRIDE, KEYS, Characters, phase_vector
-from roam_motion.models.lnsm.network import NetworkConfig
+from roam_motion.actions import STYLES
+from roam_motion.animation.figure import CONTACT_JOINTS, Figure, Frame, six
+from roam_motion.animation.prediction import Goals, Prediction, goal_frame
+from roam_motion.animation.state import (
+    DIRECTION,
+    FUTURE,
+    KEY_STRIDE,
+    KEYS,
+    LABELLED,
+    PHASE,
+    PLACE,
+    ROOT,
+    STYLE,
+    Characters,
+    phase_vector,
+)
 
-
-@dataclass
-class Goals:
-    """Where B characters are to go, in the world."""
-
-    positions: Tensor  # [B, 13, 2] root goals 0..2 s ahead, or the goal pose's root when sitting or lying
-    directions: Tensor  # [B, 13, 2]
-    action: Tensor  # [B, 4] one-hot idle, walk, sit, lie
-    active: Tensor  # [B] 1 while the goal pose counts (sit, lie): the paper's delta
-    pose_positions: Tensor  # [B, J, 3] goal pose
-    pose_orientations: Tensor  # [B, J, 3, 3]
-    urgency: Tensor  # [B] 0..1: how much a late arrival is drawn to the goal pose (see blending); 0 in training
-
-    @staticmethod
-    def of(rows: Tensor, joints: int) -> "Goals":
-        """A batch from the numbers of every character's goals [B, G]."""
-        return Goals(**split_tensor(rows, goal_shapes(joints)))
-
-
-def goal_shapes(joints: int) -> dict[str, tuple[int, ...]]:
-    """The shapes of a single character's goals."""
-    return {
-        "positions": (KEYS, 2),
-        "directions": (KEYS, 2),
-        "action": (len(ACTIONS),),
-        "active": (),
-        "pose_positions": (joints, 3),
-        "pose_orientations": (joints, 3, 3),
-        "urgency": (),
-    }
+_SCALES = 3  # of the gate's actions: 1, the goal's distance, its angle
 
 
 @dataclass(frozen=True)
@@ -61,43 +44,50 @@ class Inputs:
     gating: Tensor  # [B, S]
 
 
-@dataclass(frozen=True)
-class Answer:
-    """One prediction in raw units; poses in frames as noted."""
-
-    positions: Tensor  # [B, J, 3] next joints in the current root frame [m]
-    axes: Tensor  # [B, J, 6] next forward and up axes in the current root frame
-    inverse_positions: Tensor  # [B, J, 3] next joints relative to the goal joints, in the goal's facing [m]
-    inverse_axes: Tensor  # [B, J, 6] next axes relative to each goal joint's own orientation
-    trajectory: Tensor  # [B, 7, 8] root x, z, direction x, z, styles at t+1 + k/6 s
-    inverse_trajectory: Tensor  # [B, 7, 4] root x, z, direction x, z in the goal root's frame
-    contacts: Tensor  # [B, 4]
-    phase: Tensor  # [B, 7] phase advance from now [turns]
+def frame_widths(joints: int) -> dict[str, int]:
+    """Column counts of the blocks that describe the character, in order."""
+    return {
+        "pose": 12 * joints,  # place, forward axis, up axis, velocity
+        "places": 2 * KEYS,
+        "directions": 2 * KEYS,
+        "styles": len(STYLES) * KEYS,
+        "contacts": len(CONTACT_JOINTS),
+    }
 
 
-def widths(joints: int) -> dict[str, int]:
+def goal_widths(joints: int) -> dict[str, int]:
+    """Column counts of the blocks that describe the goal, in order."""
+    return {
+        "pose": 9 * joints,  # place, forward axis, up axis
+        "places": 2 * KEYS,
+        "directions": 2 * KEYS,
+        "action": len(STYLES),
+        "settled": 1,
+    }
+
+
+def gating_widths() -> dict[str, int]:
+    """Column counts of the gate's blocks, in order: labels times the phase's sine and cosine."""
+    return {"styles": KEYS * len(STYLES) * 2, "actions": KEYS * len(STYLES) * _SCALES * 2}
+
+
+def output_widths(joints: int) -> dict[str, int]:
     """Column counts of the answer's blocks, in order."""
     return {
         "positions": 3 * joints,
         "axes": 6 * joints,
         "inverse_positions": 3 * joints,
         "inverse_axes": 6 * joints,
-        "trajectory": (FUTURE + 1) * 8,
-        "inverse_trajectory": (FUTURE + 1) * 4,
-        "contacts": 4,
+        "trajectory": (FUTURE + 1) * LABELLED.stop,
+        "inverse_trajectory": (FUTURE + 1) * ROOT.stop,
+        "contacts": len(CONTACT_JOINTS),
         "phase": FUTURE + 1,
     }
 
 
-def network_config(joints: int, **sizes: int) -> NetworkConfig:
-    """Network sizes for a skeleton."""
-    return NetworkConfig(
-        frame=joints * 12 + KEYS * 8 + 4,
-        goal=joints * 9 + KEYS * 4 + 5,
-        gating=KEYS * 32,
-        output=sum(widths(joints).values()),
-        **sizes,
-    )
+def columns(widths: Mapping[str, int], *names: str) -> Tensor:
+    """Whether each column belongs to one of the blocks `names`."""
+    return torch.cat([torch.full((width,), name in names) for name, width in widths.items()])
 
 
 def trajectory_keys(characters: Characters) -> Tensor:
@@ -105,23 +95,12 @@ def trajectory_keys(characters: Characters) -> Tensor:
     return torch.cat([characters.past[:, ::KEY_STRIDE], characters.future], 1)
 
 
-def goal_frame(figure: Figure, goals: Goals) -> Frame:
-    """The frame of inverse outputs: the goal pose's root when active, else the root goal 1 s ahead."""
-    pose = figure.frame(goals.pose_positions)
-    active = goals.active[:, None] > 0.5
-    now = KEYS // 2
-    return Frame(
-        torch.where(active, pose.origin, goals.positions[:, now]),
-        torch.where(active, pose.direction, goals.directions[:, now]),
-    )
-
-
-def encode(figure: Figure, characters: Characters, goals: Goals, positions: Tensor, root: Frame) -> Inputs:
+def encode(characters: Characters, goals: Goals, positions: Tensor, root: Frame) -> Inputs:
     """Inputs for B characters whose joints are at `positions` [B, J, 3] with root frame `root`."""
     keys = trajectory_keys(characters)
     pose = _joints_in(root, positions, characters.orientations, characters.velocities)
-    places, directions = _series_in(root, keys[..., :2], keys[..., 2:4])
-    series = [places, directions, keys[..., 4:8]]
+    places, directions = _series_in(root, keys[..., PLACE], keys[..., DIRECTION])
+    series = [places, directions, keys[..., STYLE]]
     frame = torch.cat([pose.flatten(1), *(part.flatten(1) for part in series), characters.contacts], 1)
     places, directions = _series_in(root, goals.positions, goals.directions)
     goal_pose = _joints_in(root, goals.pose_positions, goals.pose_orientations) * goals.active[:, None, None]
@@ -143,30 +122,30 @@ def _series_in(root: Frame, places: Tensor, directions: Tensor) -> tuple[Tensor,
 
 
 def _encode_gating(keys: Tensor, action: Tensor, places: Tensor, directions: Tensor) -> Tensor:
-    phase = phase_vector(keys[..., 8])  # [B, 13, 2]
+    phase = phase_vector(keys[..., PHASE.start])  # [B, 13, 2]
     distance = torch.linalg.vector_norm(places, dim=-1).clamp_max(3.0)
     angle = torch.atan2(directions[..., 0], directions[..., 1])
-    # Labels become signs, so that every label is visible at every phase (docs/concepts/method.md).
+    # Labels become signs, so that every label is visible at every phase: a label of 0 would hide the phase.
     scales = torch.stack([torch.ones_like(distance), distance, angle], -1)  # [B, 13, 3]
-    styles = (2 * keys[..., 4:8] - 1)[..., :, None] * phase[..., None, :]  # [B, 13, 4, 2]
+    styles = (2 * keys[..., STYLE] - 1)[..., :, None] * phase[..., None, :]  # [B, 13, 4, 2]
     actions = (2 * action - 1)[:, None, :, None, None] * (scales[..., :, None] * phase[..., None, :])[:, :, None]
     return torch.cat([styles.flatten(1), actions.flatten(1)], 1)
 
 
-def decode(output: Tensor, characters: Characters, positions: Tensor, root: Frame) -> Answer:
+def decode(output: Tensor, characters: Characters, positions: Tensor, root: Frame) -> Prediction:
     """Splits a raw output [B, O] and adds the current pose to the forward change."""
     joints = positions.shape[1]
-    columns = widths(joints)
+    columns = output_widths(joints)
     blocks = dict(zip(columns, output.split(list(columns.values()), 1), strict=True))
     batch = output.shape[0]
     pose = _joints_in(root, positions, characters.orientations)
-    return Answer(
+    return Prediction(
         positions=pose[..., :3] + blocks["positions"].reshape(batch, joints, 3),
         axes=pose[..., 3:] + blocks["axes"].reshape(batch, joints, 6),
         inverse_positions=blocks["inverse_positions"].reshape(batch, joints, 3),
         inverse_axes=blocks["inverse_axes"].reshape(batch, joints, 6),
-        trajectory=blocks["trajectory"].reshape(batch, FUTURE + 1, 8),
-        inverse_trajectory=blocks["inverse_trajectory"].reshape(batch, FUTURE + 1, 4),
+        trajectory=blocks["trajectory"].reshape(batch, FUTURE + 1, LABELLED.stop),
+        inverse_trajectory=blocks["inverse_trajectory"].reshape(batch, FUTURE + 1, ROOT.stop),
         contacts=blocks["contacts"],
         phase=blocks["phase"],
     )
@@ -196,8 +175,8 @@ def encode_targets(
         axes,
         goal.turn_in(targets.positions - goals.pose_positions) * goals.active[:, None, None],
         six(relative) * goals.active[:, None, None],
-        torch.cat([root.points_in(keys[..., :2]), root.turn_in(keys[..., 2:4]), keys[..., 4:8]], -1),
-        torch.cat([goal.points_in(keys[..., :2]), goal.turn_in(keys[..., 2:4])], -1),
+        torch.cat([root.points_in(keys[..., PLACE]), root.turn_in(keys[..., DIRECTION]), keys[..., STYLE]], -1),
+        torch.cat([goal.points_in(keys[..., PLACE]), goal.turn_in(keys[..., DIRECTION])], -1),
         targets.contacts,
         targets.phase,
     ]
@@ -206,13 +185,3 @@ def encode_targets(
 
 def _turned_axes(root: Frame, orientations: Tensor) -> Tensor:
     return torch.cat([root.turn_in(orientations[..., 2]), root.turn_in(orientations[..., 1])], -1)
-
-
-def world_axes(root: Frame, axes: Tensor) -> Tensor:
-    """Axes of the root frame [B, J, 6] -> world axes [B, J, 6]."""
-    return torch.cat([root.turn_out(axes[..., :3]), root.turn_out(axes[..., 3:])], -1)
-
-
-def goal_orientations(goals: Goals, inverse_axes: Tensor) -> Tensor:
-    """Inverse axes [B, J, 6] -> world orientations [B, J, 3, 3]."""
-    return goals.pose_orientations @ orthonormal(inverse_axes)

@@ -9,7 +9,7 @@ from roam_motion.animator import CharacterState
 from roam_motion.control.intent import Goal, Idle
 from roam_motion.control.seat import goal_arrays
 from standing import random_animator, seated_pose
-from test_step import played
+from test_animator import played
 
 FIGURE = humanoid_figure()
 PITCH = 0.04
@@ -54,8 +54,8 @@ def test_a_turned_volume_is_turned():
         torch.tensor(corner, dtype=torch.float32)[None, None]
     )
     assert float(distance) < -0.05
-    assert near(volume, float(corner[0]), float(corner[2]))
-    assert not near(volume, float(corner[0]) + 3, float(corner[2]))
+    assert near(FIGURE, volume, float(corner[0]), float(corner[2]))
+    assert not near(FIGURE, volume, float(corner[0]) + 3, float(corner[2]))
 
 
 def test_a_hand_in_the_furniture_comes_out_and_bones_keep_their_lengths():

@@ -3,12 +3,12 @@
 import os
 import pickle
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from roam_motion.animator import CharacterState, Goal, Idle, Steer
-from roam_motion.session.step_process import StepProcess, _Caller, _Stepper
-from roam_motion.session.stepping import frames_of
+from roam_motion.session.worker import CulpritError, WorkerProcess, _Worker, _WorkerLink, build_name, frames_of
 from standing import random_animator, seated_pose
 
 
@@ -31,9 +31,20 @@ def load_poisoned(weights):
     return poisoned
 
 
+def load_deadly(weights):
+    step = random_animator().step
+
+    def deadly(states, intents):
+        if any(isinstance(intent, Steer) and intent.velocity[0] > 5 for intent in intents):
+            os._exit(7)
+        return step(states, intents)
+
+    return deadly
+
+
 @pytest.fixture(scope="module")
 def process():
-    process = StepProcess("none", load=load)
+    process = WorkerProcess("none", load=load)
     yield process
     process.close()
 
@@ -73,7 +84,7 @@ def test_frames_are_those_of_the_animator(process):
 
 
 def test_a_process_that_dies_goes_on_where_it_was():
-    process = StepProcess("none", load=load)
+    process = WorkerProcess("none", load=load)
     states, intents = cast()
     whole = played(process.frames, states, intents, 6)
     half, first = played(process.frames, states, intents, 3)
@@ -94,7 +105,7 @@ def test_a_state_of_before_can_be_stepped_again(process):
 
 
 def test_one_bad_character_does_not_stop_the_others():
-    process = StepProcess("none", load=load_poisoned)
+    process = WorkerProcess("none", load=load_poisoned)
     states, intents = cast()
     intents[1] = Steer(np.float32([9.0, 0.0]))
     results = process.frames(states, [[intent] * 2 for intent in intents])
@@ -105,30 +116,77 @@ def test_one_bad_character_does_not_stop_the_others():
     process.close()
 
 
+def test_who_kills_the_process_every_time_is_found_and_the_others_go_on():
+    """Two of five do: each gets an error, the other three the frames that they would have had anyway."""
+    process = WorkerProcess("none", load=load_deadly)
+    animator = random_animator()
+    states, intents = cast()
+    deadly = Steer(np.float32([6.0, 0.0]))
+    mixed = [(states[0], intents[0]), (states[1], deadly), (states[1], intents[1]), (states[2], deadly)]
+    mixed.append((states[2], intents[2]))
+    try:
+        results = process.frames([state for state, _ in mixed], [[intent] * 2 for _, intent in mixed])
+        again = process.frames(states, [[intent] for intent in intents])
+    finally:
+        process.close()
+    assert [isinstance(of_one[-1], CulpritError) for of_one in results] == [False, True, False, True, False]
+    plain = frames_of(animator.step, states[:3], [[intent] * 2 for intent in intents[:3]])
+    survived = [of_one for of_one in results if not isinstance(of_one[-1], Exception)]
+    pairs = [(a, b) for one, other in zip(survived, plain, strict=True) for a, b in zip(one, other, strict=True)]
+    assert all(a[0].to_bytes() == b[0].to_bytes() for a, b in pairs)
+    assert len(again) == len(states)
+
+
+def test_when_all_fail_each_is_told(process_that_fails):
+    states, _ = cast()
+    results = process_that_fails.frames(states, [[Steer(np.float32([6.0, 0.0]))]] * len(states))
+    assert [str(of_one[-1]) for of_one in results] == ["poisoned"] * len(states)
+
+
+@pytest.fixture
+def process_that_fails():
+    process = WorkerProcess("none", load=load_poisoned)
+    yield process
+    process.close()
+
+
 def test_a_network_that_cannot_be_loaded_is_told():
     with pytest.raises(ValueError, match="no weights at nowhere"):
-        StepProcess("nowhere", load=load_nothing)
+        WorkerProcess("nowhere", load=load_nothing)
 
 
 def test_the_process_forgets_what_the_server_has_let_go():
-    stepper = _Stepper(random_animator().step)
-    caller = _Caller(Loop(stepper))
+    worker = _Worker(random_animator().step, SimpleNamespace(value=0))
+    link = _WorkerLink(Loop(worker))
     states, intents = cast()
-    states, _ = played(caller.frames, states, intents, 5)
-    caller.frames(states[:1], [[intents[0]]])
-    assert len(stepper._states._things) == len(states) + 1
-    assert len(stepper._intents._things) == len(intents)
-    assert len(caller._seats._things) <= 2
+    states, _ = played(link.frames, states, intents, 5)
+    link.frames(states[:1], [[intents[0]]])
+    assert len(worker._states._things) == len(states) + 1
+    assert len(worker._intents._things) == len(intents)
+    assert len(link._seats._things) <= 2
 
 
 class Loop:
-    """A pipe to a stepper in this process."""
+    """A pipe to a worker in this process."""
 
-    def __init__(self, stepper):
-        self.stepper = stepper
+    def __init__(self, worker):
+        self.worker = worker
 
     def send_bytes(self, data):
-        self.answer = pickle.dumps(self.stepper.answer(pickle.loads(data)))
+        self.answer = pickle.dumps(self.worker.answer(pickle.loads(data)))
+
+    def poll(self, seconds):
+        return True
 
     def recv_bytes(self):
         return self.answer
+
+
+def test_another_network_or_another_code_makes_another_build(tmp_path):
+    (tmp_path / "step.py").write_text("a = b + c + d\n")
+    first = build_name("weights", [tmp_path])
+    assert build_name("weights", [tmp_path]) == first
+    assert build_name("others", [tmp_path]) != first
+    (tmp_path / "step.py").write_text("a = b + (c + d)\n")
+    assert build_name("weights", [tmp_path]) != first
+    assert build_name("weights") == build_name("weights")

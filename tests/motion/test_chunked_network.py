@@ -1,7 +1,8 @@
 import torch
-from roam_motion.animation.features import Inputs, network_config
+from roam_motion.models.lnsm.config import network_config
+from roam_motion.models.lnsm.features import Inputs
 from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
-from roam_motion.models.lnsm.prediction import Prediction
+from roam_motion.models.lnsm.predict import ChunkedNetwork
 
 
 def test_a_prediction_is_the_trained_network_between_the_normalisers():
@@ -14,4 +15,4 @@ def test_a_prediction_is_the_trained_network_between_the_normalisers():
     with torch.no_grad():
         parts = [normaliser.apply_to(name, part) for name, part in vars(inputs).items()]
         expected = normaliser.undo("output", network(*parts))
-        torch.testing.assert_close(Prediction(network, normaliser)(inputs), expected, atol=1e-5, rtol=1e-5)
+        torch.testing.assert_close(ChunkedNetwork(network, normaliser)(inputs), expected, atol=1e-5, rtol=1e-5)

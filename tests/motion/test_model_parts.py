@@ -2,11 +2,11 @@
 
 import pytest
 import torch
-from roam_motion.animation.features import Inputs, encode, network_config
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import Characters, phase_vector
+from roam_motion.models.lnsm.config import WHOLE, NetworkConfig, Parts, network_config
+from roam_motion.models.lnsm.features import Inputs, columns, encode, output_widths
 from roam_motion.training.loop import TrainingConfig, column_weights, make_learner
-from roam_motion.training.parts import WHOLE, Parts, columns
 from standing import goals_at, random_animator, seated_pose
 
 FIGURE = humanoid_figure()
@@ -19,7 +19,7 @@ def seen(parts):
     characters = Characters.of(torch.from_numpy(random_animator().start((0.0, 0.0), 0.0, 0).row)[None])
     positions = FIGURE.positions(characters.hips, characters.orientations)
     goals = goals_at(seated_pose(ahead=1.0), 2, active=True)
-    inputs = encode(FIGURE, characters, goals, positions, FIGURE.frame(positions))
+    inputs = encode(characters, goals, positions, FIGURE.frame(positions))
     return characters, inputs, parts.seen(inputs)
 
 
@@ -52,7 +52,7 @@ def test_a_gate_without_phase_sees_labels_whatever_the_phase():
 
 def test_contacts_that_are_missing_are_neither_said_nor_learned():
     parts = Parts(contacts=False, inverse=False)
-    where = columns(JOINTS, "contacts")
+    where = columns(output_widths(JOINTS), "contacts")
     output = torch.ones(1, len(where))
     assert parts.answered(JOINTS, output)[:, where].abs().max() == 0
     assert column_weights(FIGURE, parts)[parts.missing(JOINTS)].abs().max() == 0
@@ -64,4 +64,10 @@ def test_contacts_that_are_missing_are_neither_said_nor_learned():
 def test_networks_without_encoders_answer_as_widely(parts):
     learner = make_learner(FIGURE, SMALL, parts)
     _, inputs, _ = seen(parts)
-    assert learner.predict()(inputs).shape == (1, network_config(JOINTS).output)
+    assert learner.raw()(inputs).shape == (1, network_config(JOINTS).output)
+
+
+def test_a_configuration_keeps_what_is_missing():
+    config = network_config(JOINTS, parts=Parts(inverse=False), experts=2)
+    assert NetworkConfig.from_dict(config.as_dict()) == config
+    assert "parts" not in network_config(JOINTS).as_dict()

@@ -4,10 +4,13 @@ There is one captured recline, and it is on the floor: a network learns from tha
 legs come over an edge. So it walks up and sits down on the edge, which it does well, and what follows is worked out
 once per goal: hips turn and scoot, legs are lifted over whatever is in their way, the trunk reclines. Every bone's and
 joint's speed is bounded, and the ends are eased. Getting up plays the same poses backwards.
+
+Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
+`roam evaluate motion` are measured with them.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,9 +18,11 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
+from roam_motion.actions import SIT
 from roam_motion.animation.collision import Furniture, furniture_of, goal_depths, keep_clear
 from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, unit
-from roam_motion.control.seat import Seat
+from roam_motion.animation.proportions import size
+from roam_motion.control.seat import Seat, Transition
 
 _SAMPLES = 44  # poses that are planned, before they are timed
 _FASTEST = 0.034, 0.10  # [m], [rad] a joint moves, a bone turns per frame at most
@@ -33,34 +38,8 @@ _SKIN = 0.012  # [m] kept between legs and furniture
 _ROUNDS = 6, 2  # of lifting legs, of clearing arms
 _SOFTNESS = 2  # samples over which lifts and turns are smoothed
 _ARM = (-0.45, -1.30), -0.95  # [rad] upper arm forward and down, elbow bent: hands over the thighs
+_LIES = 0.4  # share of the way from which one lies: the hips have left the edge
 _STOOP = {"spine": 0.10, "chest": 0.08, "neck": 0.06}  # [rad] forward
-
-
-@dataclass(frozen=True, eq=False)
-class Reclining:
-    """T poses at 30 Hz from a seat on the edge to the lying pose."""
-
-    edge: Seat
-    lying: Seat
-    positions: np.ndarray  # [T, J, 3] [m]
-    orientations: np.ndarray  # [T, J, 3, 3]
-    roots: np.ndarray  # [T, 4] x, z, direction
-
-    @property
-    def last(self) -> int:
-        """The frame that lies."""
-        return len(self.positions) - 1
-
-    def at(self, frame: int) -> Seat:
-        """The pose of a frame, as something to be held."""
-        if frame <= 0 or frame >= self.last:
-            return self.edge if frame <= 0 else self.lying
-        return replace(
-            self.lying,
-            positions=self.positions[frame],
-            orientations=self.orientations[frame],
-            root=self.roots[frame],
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +54,7 @@ class _Place:
 
 
 @lru_cache(maxsize=128)
-def reclining_of(figure: Figure, seat: Seat) -> Reclining:
+def reclining_of(figure: Figure, seat: Seat) -> Transition:
     """The way from the edge into a lying `seat`."""
     place = _place(figure, seat)
     share = torch.linspace(0, 1, _SAMPLES)
@@ -89,7 +68,7 @@ def reclining_of(figure: Figure, seat: Seat) -> Reclining:
     frame = figure.frame(positions)
     roots = torch.cat([frame.origin, frame.direction], 1).numpy()
     edge = _edge(figure, seat, positions[0].numpy(), orientations[0].numpy(), roots[0])
-    return Reclining(edge, seat, positions.numpy(), orientations.numpy(), roots)
+    return Transition(edge, seat, positions.numpy(), orientations.numpy(), roots, _LIES)
 
 
 def _edge(figure: Figure, seat: Seat, positions: np.ndarray, orientations: np.ndarray, root: np.ndarray) -> Seat:
@@ -97,14 +76,14 @@ def _edge(figure: Figure, seat: Seat, positions: np.ndarray, orientations: np.nd
     depths = None
     if seat.volume is not None and seat.depths is not None:
         depths = np.maximum(goal_depths(figure, positions, orientations, seat.volume), seat.depths)
-    return Seat(positions, orientations, root, seat.stand, False, seat.volume, depths)
+    return Seat(SIT.name, positions, orientations, root, seat.stand, seat.volume, depths)
 
 
 def _place(figure: Figure, seat: Seat) -> _Place:
     aside, along = (torch.tensor([float(v[0]), 0.0, float(v[1])]) for v in (seat.stand[2:], seat.root[2:]))
     lying = torch.from_numpy(seat.positions[0])
     out = float((seat.stand[:2] - seat.root[:2]) @ seat.stand[2:])
-    ahead = max(out - 0.05 - _HIPS_BACK, 0.0)
+    ahead = max(out - (0.05 + _HIPS_BACK) * size(figure), 0.0)
     seated = torch.tensor([float(seat.root[0]), 0.0, float(seat.root[1])]) + ahead * aside
     furniture = None
     if seat.volume is not None and seat.depths is not None:
@@ -222,9 +201,10 @@ def _legs_bent(
 def _ankles(figure: Figure, seat: Seat, place: _Place, hips: Tensor, yaw: Tensor, share: Tensor) -> Tensor:
     """Where the ankles would be if nothing were in their way [N, 2, 3] [m]: left, right."""
     foot = figure.legs[:, 2]
-    sides = torch.tensor([_BESIDE, -_BESIDE])
-    floor = torch.stack([sides, torch.full((2,), _ANKLE) - place.hips[0, 1], torch.full((2,), _HIPS_BACK)], 1)
-    tucked = torch.stack([sides, torch.full((2,), _TUCKED[1]), torch.full((2,), _TUCKED[0])], 1)
+    beside, ankle, back, ahead, above = (size(figure) * length for length in (_BESIDE, _ANKLE, _HIPS_BACK, *_TUCKED))
+    sides = torch.tensor([beside, -beside])
+    floor = torch.stack([sides, torch.full((2,), ankle) - place.hips[0, 1], torch.full((2,), back)], 1)
+    tucked = torch.stack([sides, torch.full((2,), above), torch.full((2,), ahead)], 1)
     end = torch.from_numpy(seat.positions[foot] - seat.positions[0])
     lead = share[:, None] + _LEAD * place.sense * torch.tensor([1.0, -1.0]) * torch.sin(math.pi * share)[:, None]
     relative = torch.lerp(floor, tucked, _eased(lead, 0.0, 0.42)[..., None])

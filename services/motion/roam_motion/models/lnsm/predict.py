@@ -1,13 +1,22 @@
-"""The network as the service asks it: raw inputs to raw answers, in chunks of few shapes."""
+"""l-NSM as a motion model: loaded from its weights, asked in chunks of few shapes."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from roam_motion.animation.features import Inputs
+from roam_motion.animation.blending import Blending
+from roam_motion.animation.figure import Figure, Frame
+from roam_motion.animation.prediction import Goals, Predict, Prediction
+from roam_motion.animation.state import Characters
 from roam_motion.animation.torchscript import scripted, traced
+from roam_motion.models.lnsm.config import NetworkConfig, Parts
+from roam_motion.models.lnsm.features import Inputs, decode, encode
 from roam_motion.models.lnsm.network import MotionNetwork, Normaliser, answer, normal
+
+KEY = "l-nsm"  # of this model in weights files
 
 # Numbers of rows that the network is asked with; batches are padded to a sum of them. Matrix products of one shape give
 # the same bits whatever the other rows hold, so a session's motion does not depend on its neighbours. A product reads
@@ -16,8 +25,52 @@ from roam_motion.models.lnsm.network import MotionNetwork, Normaliser, answer, n
 _SIZES = 8, 16, 32, 64
 
 
-class Prediction:
-    """Weights made ready once, asked for every frame."""
+@dataclass(frozen=True, eq=False)
+class LnsmModel:
+    """A network with its normaliser and the stances that characters start from; see `models.registry.MotionModel`."""
+
+    figure: Figure
+    network: MotionNetwork
+    normaliser: Normaliser
+    starts: Mapping[str, Tensor]  # "height" [S] of the hips [m], "orientations" [S, J, 3, 3] facing +Z
+
+    @property
+    def blending(self) -> Blending:
+        """How its answers meet the goal."""
+        return self.network.config.parts.blending()
+
+    def predictor(self) -> Predict:
+        """Its weights made ready to be asked for every frame."""
+        return predicting(
+            self.figure.joint_count, self.network.config.parts, ChunkedNetwork(self.network, self.normaliser)
+        )
+
+
+def load(figure: Figure, metadata: Mapping[str, str], tensors: Mapping[str, Tensor]) -> LnsmModel:
+    """From what a weights file holds."""
+    config = NetworkConfig.from_dict(json.loads(metadata["config"]))
+    network, normaliser = MotionNetwork(config), Normaliser(config)
+    network.load_state_dict(_part(tensors, "network."))
+    normaliser.load_state_dict(_part(tensors, "normaliser."))
+    return LnsmModel(figure, network, normaliser, _part(tensors, "start."))
+
+
+def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def predicting(joints: int, parts: Parts, raw: Callable[[Inputs], Tensor]) -> Predict:
+    """A raw network, inputs -> output [B, O], as a motion model."""
+
+    def predict(characters: Characters, goals: Goals, positions: Tensor, root: Frame) -> Prediction:
+        output = raw(parts.seen(encode(characters, goals, positions, root)))
+        return decode(parts.answered(joints, output), characters, positions, root)
+
+    return predict
+
+
+class ChunkedNetwork:
+    """Raw inputs to raw outputs; weights are made ready once."""
 
     def __init__(self, network: MotionNetwork, normaliser: Normaliser) -> None:
         self._weights = network.weights().contiguous()

@@ -1,7 +1,7 @@
-"""What two processes hold in common: things cross once, afterwards their numbers do.
+"""Objects that two processes hold in common: an object crosses once, afterwards its number does.
 
-One side owns the things and counts as long as they live (`Owned`); the other keeps a copy of each until it is told that
-the original is gone (`Copies`).
+One side owns the objects and numbers them as long as they live (`Originals`); the other keeps a copy of each until it
+is told that the original is gone (`Copies`).
 """
 
 import weakref
@@ -15,14 +15,14 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class News(Generic[T]):
+class Changes(Generic[T]):
     """What the other side does not have yet, by number, and what it may forget."""
 
     new: dict[int, T]
     gone: list[int]
 
 
-class Owned(Generic[T]):
+class Originals(Generic[T]):
     """Numbers of things that live on this side; things are told apart by identity."""
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Owned(Generic[T]):
         self._free = count(1)
 
     def number(self, thing: T) -> int:
-        """The number of a thing; a new one goes into the next news."""
+        """The number of a thing; a new one goes into the next changes."""
         known = self._known.get(id(thing))
         if known is not None:
             return known[1]
@@ -52,10 +52,10 @@ class Owned(Generic[T]):
         for thing, number in zip(things, numbers, strict=False):
             self._watch(thing, number)
 
-    def news(self) -> News[T]:
+    def changes(self) -> Changes[T]:
         """What has come and gone since the last time."""
         new, self._new = self._new, {}
-        return News(new, [self._gone.popleft() for _ in range(len(self._gone))])
+        return Changes(new, [self._gone.popleft() for _ in range(len(self._gone))])
 
     def _watch(self, thing: T, number: int) -> None:
         key = id(thing)
@@ -76,10 +76,10 @@ class Copies(Generic[T]):
     def __getitem__(self, number: int) -> T:
         return self._things[number]
 
-    def take(self, news: News[T]) -> None:
+    def take(self, changes: Changes[T]) -> None:
         """Learns and forgets."""
-        self._things.update(news.new)
-        for number in news.gone:
+        self._things.update(changes.new)
+        for number in changes.gone:
             self._things.pop(number, None)
 
     def keep(self, things: Sequence[T], numbers: Sequence[int]) -> None:
