@@ -17,9 +17,10 @@ from roam_serving.cache import RecentCache
 
 from roam_goalpose.assessment.ranking import choose_diverse
 from roam_goalpose.assessment.result import GoalPoseResult, RankedPose, ranked_pose, summaries
-from roam_goalpose.energy.constraint import NONE, Constraints, constraints_in
-from roam_goalpose.energy.descriptor import DescriptorField
-from roam_goalpose.energy.total import ReferenceModel, Target, models_stack
+from roam_goalpose.energy.constraints import NONE, Constraints, constraints_in
+from roam_goalpose.energy.object import DescriptorField
+from roam_goalpose.energy.reference import ReferenceModel, models_stack
+from roam_goalpose.energy.scene import Target
 from roam_goalpose.field.field import Field
 from roam_goalpose.objects import Shape
 from roam_goalpose.objects.own_axes import Placement, in_own_axes
@@ -192,7 +193,7 @@ class Synthesizer:
         with self._lock:
             known = self._models.get(key)
             if known is None:
-                known = model_reference(self._study(pair), self.field, samples=samples, seed=seed)
+                known = model_reference(self._study(pair), samples=samples, seed=seed)
                 self._models.put(key, known)
             return known
 
@@ -217,7 +218,7 @@ class Synthesizer:
         request: GoalPoseRequest,
         watch: Watch,
     ) -> Candidates:
-        config = replace(self.config, weights=replace(self.config.weights, **dict(request.weights)))
+        config = replace(self.config, weights=self.config.weights.changed(dict(request.weights)))
         wishes = target.constraints
         places = find_places(shape)
         if wishes.seat_point is not None:

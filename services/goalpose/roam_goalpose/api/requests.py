@@ -8,7 +8,7 @@ from roam_character.pose import Pose
 from roam_character.skeleton import Skeleton, Tip
 from roam_character.wire import unpack_float32
 
-from roam_goalpose.energy.constraint import Constraints, Point
+from roam_goalpose.energy.constraints import Constraints, Point
 
 HANDS = {goal_pose_pb2.HAND_LEFT: "left", goal_pose_pb2.HAND_RIGHT: "right"}
 FARTHEST = 1e4  # [m] of a point, [rad] of a heading

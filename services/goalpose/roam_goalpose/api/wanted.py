@@ -1,16 +1,15 @@
 """A checked request for a goal pose, and what parts of the protocol's requests become in it."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from roam.v1 import goal_pose_pb2
 from roam_serving.errors import INVALID_ARGUMENT, ServiceError
 
 from roam_goalpose.api.messages import ACTIONS
 from roam_goalpose.api.requests import constraints_from_message
-from roam_goalpose.energy.constraint import NONE, Constraints
-from roam_goalpose.energy.weights import EnergyWeights
+from roam_goalpose.energy.constraints import NONE, Constraints
+from roam_goalpose.energy.terms import TERMS
 
-TERMS = tuple(field.name for field in fields(EnergyWeights))
 HEAVIEST = 1e6  # of any energy term
 
 

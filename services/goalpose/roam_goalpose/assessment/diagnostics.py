@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import torch
 
 from roam_goalpose.assessment.support import seat_measures
-from roam_goalpose.energy.angle_limit import swing_twist
-from roam_goalpose.energy.contact import LEAN, SUPPORT
+from roam_goalpose.energy.body import penetration_depths
 from roam_goalpose.energy.figure import Figure
-from roam_goalpose.energy.penetration import penetration_depths
-from roam_goalpose.energy.prior import canonical_positions
-from roam_goalpose.energy.total import ReferenceModel, Target
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Target
+from roam_goalpose.energy.terms.angle_limit import load_limits, swing_twist
+from roam_goalpose.energy.terms.contact import LEAN, SUPPORT, contacts_of
+from roam_goalpose.energy.terms.prior import canonical_positions
 from roam_goalpose.references.model import height_above_surface
 from roam_goalpose.solvers.candidates import facing_yaw
 
@@ -53,7 +54,7 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)
-        contacts = model.contacts
+        contacts = contacts_of(model)
         points = contacts.on(figure)
         misses = contacts.misses(points[..., 1] - target.floor_height, target.distance.query(points))[0].abs()
         weight, on_floor = contacts.weight[0], contacts.on_floor[0]
@@ -64,7 +65,7 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
             "heading": float(facing_yaw(figure)[0]),
             "contacts_met": float((weight * (misses < MET)).sum() / weight.sum()),
             "support_miss": float(misses[contacts.group[0] == SUPPORT].median()),
-            "pose_change": float((canonical_positions(figure)[0] - model.canonical[0]).norm(dim=-1).mean()),
+            "pose_change": _pose_change(figure, model),
             "limit_excess": _limit_excess(figure, model),
         }
         joints = figure.positions[0, figure.skeleton.indices(["hips", "neck"]), 1]
@@ -104,8 +105,13 @@ def support_height(figure: Figure, target: Target) -> float:
     return min(height_above_surface(target.distance, column) for column in columns)
 
 
+def _pose_change(figure: Figure, model: ReferenceModel) -> float:
+    apart = canonical_positions(figure)[0] - canonical_positions(model.figure)[0]
+    return float(apart.norm(dim=-1).mean())
+
+
 def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
-    limits = model.limits
+    limits = load_limits(model.skeleton)
     angles = swing_twist(figure.rotations[:1, limits.joint], limits.axis)
     return float(torch.maximum(angles - limits.high, limits.low - angles).clamp(min=0.0).max())
 

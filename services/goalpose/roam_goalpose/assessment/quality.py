@@ -10,8 +10,8 @@ from roam_character.body import Capsules, body_capsules
 from roam_character.pose import Pose
 from roam_character.rotation import quat_between, quat_rotate
 
-from roam_goalpose.energy.angle_limit import load_limits, swing_twist
-from roam_goalpose.energy.weights import DEFAULT, PAPER_FULL
+from roam_goalpose.energy.terms import TERMS
+from roam_goalpose.energy.terms.angle_limit import load_limits, swing_twist
 from roam_goalpose.objects import Shape
 from roam_goalpose.synthesis import GoalPoseRequest, RankedPose
 
@@ -68,9 +68,10 @@ def _descriptor_residual(ranked: RankedPose, request: GoalPoseRequest) -> float 
     """The term without its weight."""
     if "descriptor" not in ranked.energies:
         return None
-    published = request.solver == "paper"
-    weight = PAPER_FULL.descriptor if published else dict(request.weights).get("descriptor", DEFAULT.descriptor)
-    return ranked.energies["descriptor"] / weight
+    term = TERMS["descriptor"]
+    own = dict(request.weights).get(term.name, term.weight)
+    weight = term.published if request.solver == "paper" and term.published else own
+    return ranked.energies[term.name] / weight
 
 
 def bone_penetrations(pose: Pose, depths: Mapping[str, float], shape: Shape) -> tuple[BonePenetration, ...]:

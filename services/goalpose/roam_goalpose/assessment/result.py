@@ -8,7 +8,8 @@ import numpy.typing as npt
 from roam_character.pose import Pose
 
 from roam_goalpose.assessment.diagnostics import PoseWarning, bone_depths, diagnose, warn
-from roam_goalpose.energy.total import ReferenceModel, Target
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Target
 from roam_goalpose.objects.own_axes import Placement
 from roam_goalpose.references.pairs import ReferencePair
 from roam_goalpose.solvers.candidates import Candidates, facing_yaw

@@ -66,7 +66,7 @@ class Chain:
         wrenches = torch.cat([torch.linalg.cross(points, directions, dim=-1), directions], dim=-1)
         return self._moved(wrenches, joint)
 
-    def anyhow(self, joint: Tensor, points: Tensor) -> Tensor:
+    def free(self, joint: Tensor, points: Tensor) -> Tensor:
         """`along` x, y and z for points [B, P, 3] on joints [P]. -> [B, 3 P, N], point by point."""
         wrenches = (points @ _MOMENTS + _FORCES).unflatten(-1, (3, 6)).flatten(1, 2)
         return self._moved(wrenches, joint.repeat_interleave(3))

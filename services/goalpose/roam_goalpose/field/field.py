@@ -16,7 +16,7 @@ from roam_goalpose.field.decoder import Answer, Decoder
 from roam_goalpose.field.direction import direction
 from roam_goalpose.field.encoder import Encoder
 from roam_goalpose.field.latent import Latent
-from roam_goalpose.field.pull import Pull
+from roam_goalpose.field.vjp import Linearization
 
 
 class Field(nn.Module):
@@ -70,9 +70,9 @@ class Field(nn.Module):
         return direction(numbers, self.mean, 1 / self.deviation)
 
     @torch.no_grad()
-    def pull(self, latent: Latent, queries: Tensor) -> Pull:
+    def linearize(self, latent: Latent, queries: Tensor) -> Linearization:
         """`descriptor` and its slopes in the queries `[B, Q, 3]`, without autograd."""
-        return Pull.of(self.decoder, latent, queries, mean=self.mean, scale=1 / self.deviation)
+        return Linearization.of(self.decoder, latent, queries, mean=self.mean, scale=1 / self.deviation)
 
     def occupancy(self, latent: Latent, queries: Tensor) -> Tensor:
         """Occupancy logits `[B, Q]` of queries `[B, Q, 3]`: Eq. 2 before the sigmoid."""

@@ -12,9 +12,10 @@ import torch
 from roam_character.rotation import quat_normalize
 from torch import Tensor
 
-from roam_goalpose.energy.expansion import Expansion, Quadratic, expand, quadratic_concat, quadratic_where
 from roam_goalpose.energy.figure import Figure, figure_concat, figure_from_pose
-from roam_goalpose.energy.total import Aim, ReferenceModel, Settings, Target, models_joined
+from roam_goalpose.energy.objective import Expansion, Objective, Quadratic, quadratic_concat, quadratic_where
+from roam_goalpose.energy.reference import ReferenceModel, models_stack
+from roam_goalpose.energy.scene import Settings, Target
 from roam_goalpose.energy.turns import from_rotvec, product
 from roam_goalpose.solvers.candidates import Candidates
 from roam_goalpose.solvers.joined import targets_joined
@@ -59,8 +60,7 @@ class Problem:
     @property
     def kind(self) -> Hashable:
         """Problems of one kind can share their steps: they differ in numbers only."""
-        model, target = self.model, self.target
-        sizes = (len(self.starts), model.contacts.joint.shape[1], model.probes.count, model.skeleton.id)
+        target, sizes = self.target, (len(self.starts), self.model.width)
         alone = id(self) if target.constraints.given else None
         return (*sizes, self.settings, self.joints, target.floor_height, id(target.field), alone)
 
@@ -126,21 +126,17 @@ class _Batch:
     """Runs that share their steps, each with as many poses."""
 
     runs: list[_Run]
-    model: ReferenceModel  # a row for every pose
-    target: Target
+    objective: Objective  # the model has a row for every pose
     reference: Tensor  # [B] of every pose, which of its own request's
-    aim: Aim | None
 
     @classmethod
     def of(cls, runs: list[_Run]) -> "_Batch":
         """Those of problems of one kind."""
         problems = [run.problem for run in runs]
         reference = torch.cat([problem.starts.reference for problem in problems])
-        model = models_joined([problem.model[problem.starts.reference] for problem in problems])
+        model = models_stack([problem.model[problem.starts.reference] for problem in problems])
         target = targets_joined([problem.target for problem in problems], len(problems[0].starts))
-        settings = problems[0].settings
-        aim = Aim.of(model, settings) if settings.weights.descriptor else None
-        return cls(runs, model, target, reference, aim)
+        return cls(runs, Objective(model, target, problems[0].settings), reference)
 
     def begin(self) -> None:
         """Energy and slopes where they start."""
@@ -162,8 +158,7 @@ class _Batch:
                 run.shape = shape[share]
 
     def _expanded(self, figure: Figure) -> Expansion:
-        problem = self.runs[0].problem
-        return expand(figure, self.model, self.target, problem.settings, joints=problem.joints, aim=self.aim)
+        return self.objective.expand(figure, joints=self.runs[0].problem.joints)
 
     def _candidates(self, expansion: Expansion) -> Candidates:
         return Candidates(expansion.figure, self.reference, expansion.energy, expansion.terms)

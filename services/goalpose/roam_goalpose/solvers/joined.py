@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from roam_goalpose.energy.distance import SignedDistance
-from roam_goalpose.energy.total import Target
+from roam_goalpose.energy.object import SignedDistance
+from roam_goalpose.energy.scene import Target
 from roam_goalpose.field.latent import latent_concat
 
 

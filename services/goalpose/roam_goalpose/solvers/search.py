@@ -7,10 +7,12 @@ import torch
 from roam_character.rotation import quat_from_yaw, quat_mul, quat_rotate, quat_to_matrix
 from torch import Tensor
 
-from roam_goalpose.energy.contact import Contacts, contact
-from roam_goalpose.energy.facing import carried_front, facing
 from roam_goalpose.energy.figure import Figure, figure_concat
-from roam_goalpose.energy.total import ReferenceModel, Settings, Target, total_energy, without_descriptor
+from roam_goalpose.energy.objective import Objective, coarse_terms
+from roam_goalpose.energy.reference import PerReference, ReferenceModel
+from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.energy.terms.contact import Contacts, contact, contacts_of
+from roam_goalpose.energy.terms.facing import Facing, carried_front, facing
 from roam_goalpose.energy.weights import EnergyWeights
 from roam_goalpose.references.legs import settle_legs
 from roam_goalpose.solvers.candidates import Candidates, candidates_concat, distinct
@@ -32,8 +34,9 @@ def placed_figures(model: ReferenceModel, places: Tensor, floor_height: float) -
     count, spots = len(model), len(places)
     root = places + torch.tensor([0.0, 1.0, 0.0]) * model.hip_height[:, None, None]
     upright = model.figure[torch.arange(count).repeat_interleave(spots)].moved_to(root.flatten(0, 1))
-    on_floor = model.contacts.on_floor
-    height = model.figure.positions[torch.arange(count)[:, None], model.contacts.joint, 1] - model.floor_height[:, None]
+    contacts = contacts_of(model)
+    on_floor = contacts.on_floor
+    height = model.figure.positions[torch.arange(count)[:, None], contacts.joint, 1] - model.floor_height[:, None]
     ankle = torch.where(on_floor, height, -torch.inf).amax(1)
     stands = on_floor.any(1).repeat_interleave(spots)
     if not stands.any():
@@ -61,8 +64,8 @@ def evaluate(
     parts = []
     for start in range(0, len(figure), chunk):
         now = slice(start, start + chunk)
-        energy, terms = total_energy(figure[now], model.of(reference[now]), target, settings)
-        parts.append(Candidates(figure[now], reference[now], energy, terms))
+        found = Objective(model.of(reference[now]), target, settings).at(figure[now])
+        parts.append(Candidates(figure[now], reference[now], found.energy, found.terms))
     return candidates_concat(parts)
 
 
@@ -103,13 +106,15 @@ class _Touch:
         cls, placed: Figure, model: ReferenceModel, target: Target, weights: EnergyWeights, turns: Tensor
     ) -> "_Touch":
         own = model[torch.arange(len(model)).repeat_interleave(len(placed) // len(model))]
-        turn = quat_to_matrix(quat_from_yaw(turns))
-        front = carried_front(placed, own.front) @ turn[:, None].transpose(-1, -2)  # [H, R * K, 1, 3]
+        turn, carried = quat_to_matrix(quat_from_yaw(turns)), own.prepared[Facing.name]
+        assert isinstance(carried, PerReference)
+        front = carried_front(placed, carried) @ turn[:, None].transpose(-1, -2)  # [H, R * K, 1, 3]
         aside = facing(front.transpose(0, 1).flatten(0, 1), target.front).energy
-        missing = 1.0 - model.contacts.weight.sum(-1, keepdim=True)
-        least = weights.facing * aside.reshape(len(model), -1) + weights.contact * missing
-        arms = own.contacts.on(placed) - placed.root_position[:, None]
-        return cls(model.contacts, target, weights.contact, placed.root_position, arms, turn, least)
+        contacts, weight = contacts_of(model), weights["contact"]
+        missing = 1.0 - contacts.weight.sum(-1, keepdim=True)
+        least = weights["facing"] * aside.reshape(len(model), -1) + weight * missing
+        arms = contacts_of(own).on(placed) - placed.root_position[:, None]
+        return cls(contacts, target, weight, placed.root_position, arms, turn, least)
 
     def energy(self, wanted: Tensor) -> Tensor:
         """Of the `wanted` [R, K * H] placements, in their order."""
@@ -140,16 +145,16 @@ def coarse_search(
     owner = torch.arange(len(model)).repeat_interleave(len(places))
     each = len(places) * len(turns)
     which = torch.arange(len(model) * each)
-    if w.contact:
+    if w["contact"]:
         best = best_touching(placed, model, target, w, turns, min(TOUCHING, each))
         which = (best + each * torch.arange(len(model))[:, None]).flatten()
     watch.check()
     figure = turned_figures(placed[which // len(turns)], turns[which % len(turns)])
     reference = owner[which // len(turns)]
-    if w.contact or w.penetration:
+    if w["contact"] or w["penetration"]:
         # Rigid moves hardly change the terms of the body alone; contacts and penetration imply the clearance.
-        cheap = replace(w, prior=0.0, angle_limit=0.0, gravity=0.0, self_collision=0.0, floor=0.0, clearance=0.0)
-        found = evaluate(figure, reference, model, target, without_descriptor(replace(settings, weights=cheap)))
+        cheap = replace(settings, weights=w.only(*coarse_terms()))
+        found = evaluate(figure, reference, model, target, cheap)
         chosen = distinct(found, shortlist * len(model), reach=apart, angle=0.3, each=shortlist)
         figure, reference = figure[chosen], reference[chosen]
     watch.check()

@@ -1,4 +1,4 @@
-"""E_c: the body's capsules stay out of the object (beyond the paper, which asks for it in section E)."""
+"""The body as spheres along its capsules: what is measured against the object."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,8 @@ import torch
 from roam_character.body import Capsules
 from torch import Tensor
 
-from roam_goalpose.energy.distance import SignedDistance
 from roam_goalpose.energy.figure import Figure
-from roam_goalpose.energy.rows import Bend
+from roam_goalpose.energy.object import SignedDistance
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +41,3 @@ def body_points(capsules: Capsules, *, spacing: float = 0.07) -> BodyPoints:
 def penetration_depths(figure: Figure, body: BodyPoints, distance: SignedDistance) -> Tensor:
     """How deep each sphere lies in the object, 0 when it does not. -> [B, P] [m]."""
     return (body.radius - distance.query(body.on(figure))).clamp(min=0.0)
-
-
-def penetration(distance: Tensor, radius: Tensor, allowance: Tensor) -> Bend:
-    """E_c = mean_p max(r_p - d_p - a_p, 0)^2 [m^2].
-
-    `distance` [B, P] of the spheres' centres, their `radius` [P], `allowance` a [1 or B, P]: flesh and cushions give.
-    """
-    depth = (radius - distance - allowance).clamp(min=0.0)
-    share = 2.0 / distance.shape[-1]
-    return Bend(depth.square().mean(-1), -share * depth, share * (depth > 0))

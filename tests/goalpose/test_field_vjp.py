@@ -25,19 +25,19 @@ def test_values_and_slopes_are_those_of_autograd(field: Field) -> None:
     descriptors = field.descriptor(latent, queries)
     slope = some(*descriptors.shape, seed=2)
     (wanted,) = torch.autograd.grad(descriptors, queries, slope)
-    pull = field.pull(latent, queries.detach())
+    pull = field.linearize(latent, queries.detach())
     torch.testing.assert_close(pull.descriptors, descriptors.detach())
-    torch.testing.assert_close(pull.force(slope), wanted, atol=1e-5, rtol=1e-3)
+    torch.testing.assert_close(pull.vjp(slope), wanted, atol=1e-5, rtol=1e-3)
 
 
 @pytest.mark.parametrize("count", [30, 90, 240])
 def test_an_object_gets_the_same_bits_in_any_company(field: Field, count: int) -> None:
     latents = [field.encode(some(1, 500, 3, seed=k)) for k in range(4)]
     queries = some(4, count, 3, seed=5)
-    together = field.pull(latent_concat(latents), queries)
+    together = field.linearize(latent_concat(latents), queries)
     slope = some(*together.descriptors.shape, seed=6)
-    forces = together.force(slope)
+    forces = together.vjp(slope)
     for k, latent in enumerate(latents):
-        alone = field.pull(latent, queries[k : k + 1])
+        alone = field.linearize(latent, queries[k : k + 1])
         assert torch.equal(alone.descriptors[0], together.descriptors[k])
-        assert torch.equal(alone.force(slope[k : k + 1])[0], forces[k])
+        assert torch.equal(alone.vjp(slope[k : k + 1])[0], forces[k])

@@ -15,7 +15,8 @@ from roam_character.skeleton import Skeleton
 from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure
-from roam_goalpose.energy.rows import Bend, squares
+from roam_goalpose.energy.scene import Scene
+from roam_goalpose.energy.term import RobustLoss, Term, squares
 from roam_goalpose.energy.turns import from_rotvec, inverse, product, to_rotvec
 
 LIMITS_FILE = Path(__file__).parent / "angle_limits.json"
@@ -72,11 +73,6 @@ def angle_excess(rotations: Tensor, limits: AngleLimits) -> Tensor:
     return (angles - limits.high).clamp(min=0.0) - (limits.low - angles).clamp(min=0.0)
 
 
-def angle_limit(excess: Tensor) -> Bend:
-    """E_a = mean_j sum of squared excess over the three bounds of joint j [rad^2]. `excess` [B, K, 3] [rad]."""
-    return squares(excess.flatten(1), 1.0 / excess.shape[1])
-
-
 def excess_motion(figure: Figure, limits: AngleLimits) -> Tensor:
     """How the excess of B poses moves with the unknowns [B, 3 K, N]: by differences in the joint's own rotation vector,
     the only one that counts."""
@@ -89,3 +85,24 @@ def excess_motion(figure: Figure, limits: AngleLimits) -> Tensor:
     columns = 3 + 3 * limits.joint[:, None] + torch.arange(3)  # [K, axis]
     motion.scatter_(3, columns[None, :, None].expand(batch, -1, 3, -1), slopes)
     return motion.flatten(1, 2)
+
+
+class AngleLimit(Term):
+    """mean_j of the squared excess over the three bounds of joint j [rad^2]."""
+
+    name = "angle_limit"
+    symbol = "E_a"
+    equation = "mean_j (excess of twist and swing)², limits from motion capture ± 10°"
+    weight = 1.0  # [1/rad^2]
+    published = 3.283  # 1e-3 deg^-2
+    internal = True
+
+    def residual(self, scene: Scene) -> RobustLoss:
+        """In the excess of every bound [B, 3 K] [rad]."""
+        limits = load_limits(scene.model.skeleton)
+        excess = angle_excess(scene.figure.rotations.index_select(1, limits.joint), limits)
+        return squares(excess.flatten(1), 1.0 / excess.shape[1])
+
+    def jacobian(self, scene: Scene) -> Tensor:
+        """How the excess moves. [B, 3 K, N]."""
+        return excess_motion(scene.figure, load_limits(scene.model.skeleton))

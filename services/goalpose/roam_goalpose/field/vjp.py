@@ -1,4 +1,4 @@
-"""How descriptors move with their query points: the decoder backwards, in closed form.
+"""Vector-Jacobian products of descriptors in their query points: the decoder backwards, in closed form.
 
 Autograd does the same at twice the price for the few hundred queries of one step: it builds a graph of a hundred nodes
 to walk it once. Here every line undoes one of `Decoder.look`, `Decoder.states` or `direction`, from the end.
@@ -17,7 +17,7 @@ from roam_goalpose.field.latent import Latent
 
 
 @dataclass(frozen=True, eq=False)
-class Pull:
+class Linearization:
     """Descriptors at query points, and what their slopes are made of."""
 
     decoder: Decoder
@@ -30,7 +30,7 @@ class Pull:
     descriptors: Tensor  # [B, Q, D]
 
     @classmethod
-    def of(cls, decoder: Decoder, latent: Latent, queries: Tensor, *, mean: Tensor, scale: Tensor) -> Pull:
+    def of(cls, decoder: Decoder, latent: Latent, queries: Tensor, *, mean: Tensor, scale: Tensor) -> Linearization:
         """At queries `[B, Q, 3]` [m]; `mean` and `scale` `[D]` as for `direction`."""
         look = decoder.look(latent, queries)
         states, between = decoder.states(latent, look.numbers)
@@ -38,8 +38,10 @@ class Pull:
         inverse = torch.linalg.vector_norm(standard, dim=-1, keepdim=True).clamp_(min=1e-12).reciprocal_()
         return cls(decoder, latent, look, states, between, scale, inverse, standard.mul_(inverse))
 
-    def force(self, slope: Tensor) -> Tensor:
-        """From the slope of something in the descriptors `[B, Q, D]` to its slope in the queries `[B, Q, 3]`."""
+    def vjp(self, cotangent: Tensor) -> Tensor:
+        """Vector-Jacobian product: from something's slope in the descriptors `[B, Q, D]` to that in the queries
+        `[B, Q, 3]`."""
+        slope = cotangent
         along = (slope * self.descriptors).sum(-1, keepdim=True)
         slope = torch.addcmul(slope, self.descriptors, along, value=-1).mul_(self.inverse).mul_(self.scale)
         config = self.decoder.config
