@@ -31,10 +31,7 @@ _MOMENTS, _FORCES = _axis_wrenches()
 @torch.inference_mode(mode=False)
 def carriers(skeleton: Skeleton) -> Tensor:
     """Which unknowns move which joints: [J, 3 + 3 J], 1 for the root's shift and the turns of a joint and all above."""
-    above = torch.eye(skeleton.joint_count)
-    for j, parent in enumerate(skeleton.parents):
-        if parent >= 0:
-            above[j] += above[parent]
+    above = torch.tensor(skeleton.ancestors)
     return torch.cat([torch.ones(len(above), 3), above.repeat_interleave(3, dim=1)], dim=1)
 
 

@@ -9,14 +9,13 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 import torch
-from roam_character.rotation import quat_normalize
+from roam_character.rotation import quat_from_rotvec, quat_mul, quat_normalize
 from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure, figure_concat, figure_from_pose
 from roam_goalpose.energy.objective import Expansion, Objective, Quadratic, quadratic_concat, quadratic_where
 from roam_goalpose.energy.reference import ReferenceModel, models_stack
 from roam_goalpose.energy.scene import Settings, Target
-from roam_goalpose.energy.turns import from_rotvec, product
 from roam_goalpose.solvers.candidates import Candidates
 from roam_goalpose.solvers.joined import targets_joined
 
@@ -37,8 +36,8 @@ def newton_step(quadratic: Quadratic, damping: Tensor) -> Tensor:
 
 def moved(figure: Figure, step: Tensor) -> Figure:
     """The poses after a step [B, N]; a step of the root alone has 6 numbers."""
-    turn = from_rotvec(step[:, 3:].reshape(len(figure), -1, 3))
-    turned = quat_normalize(product(figure.rotations[:, : turn.shape[1]], turn))
+    turn = quat_from_rotvec(step[:, 3:].reshape(len(figure), -1, 3))
+    turned = quat_normalize(quat_mul(figure.rotations[:, : turn.shape[1]], turn))
     rotations = torch.cat([turned, figure.rotations[:, turn.shape[1] :]], dim=1)
     return figure_from_pose(figure.skeleton, figure.root_position + step[:, :3], rotations)
 

@@ -11,13 +11,13 @@ from functools import cache
 from pathlib import Path
 
 import torch
+from roam_character.rotation import quat_from_rotvec, quat_inv, quat_mul, quat_to_rotvec
 from roam_character.skeleton import Skeleton
 from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure
 from roam_goalpose.energy.scene import Scene
 from roam_goalpose.energy.term import RobustLoss, Term, squares
-from roam_goalpose.energy.turns import from_rotvec, inverse, product, to_rotvec
 
 LIMITS_FILE = Path(__file__).parent / "angle_limits.json"
 RELAXATION = 0.1745  # 10 degrees [rad], supplement C
@@ -49,8 +49,8 @@ def swing_twist(rotations: Tensor, axis: Tensor) -> Tensor:
     part = (rotations[..., :3] * along).sum(-1, keepdim=True)
     twist = torch.cat([part * along, rotations[..., 3:]], dim=-1)
     twist = twist / (twist.square().sum(-1, keepdim=True) + 1e-12).sqrt()
-    swing = to_rotvec(product(rotations, inverse(twist)))
-    return swing * (1 - along) + to_rotvec(twist)
+    swing = quat_to_rotvec(quat_mul(rotations, quat_inv(twist)))
+    return swing * (1 - along) + quat_to_rotvec(twist)
 
 
 @cache
@@ -78,7 +78,7 @@ def excess_motion(figure: Figure, limits: AngleLimits) -> Tensor:
     the only one that counts."""
     step, bounded = 1e-3, figure.rotations.index_select(1, limits.joint)
     nudges = torch.cat([torch.zeros(1, 3), step * torch.eye(3)])[:, None, None]
-    excess = angle_excess(product(bounded, from_rotvec(nudges)), limits)  # [4, B, K, 3]
+    excess = angle_excess(quat_mul(bounded, quat_from_rotvec(nudges)), limits)  # [4, B, K, 3]
     slopes = ((excess[1:] - excess[0]) / step).permute(1, 2, 3, 0)  # [B, K, bound, axis]
     batch, count = bounded.shape[:2]
     motion = torch.zeros(batch, count, 3, 3 + 3 * figure.rotations.shape[1])
