@@ -9,9 +9,8 @@ from roam_goalpose.references.legs import settle_legs
 from roam_goalpose.solvers.candidates import Candidates, facing_yaw
 from roam_goalpose.solvers.gauss_newton import Problem, minimise
 from roam_goalpose.solvers.paper import PaperConfig, solve_paper
-from roam_goalpose.solvers.places import find_places
 from roam_goalpose.solvers.progress import Cancelled, Watch
-from roam_goalpose.solvers.search import evaluate, placed_figures
+from roam_goalpose.solvers.search import evaluate, find_places, placed_figures
 from roam_goalpose.solvers.staged import SolverConfig, solve
 from solving import model, pair, target_of
 

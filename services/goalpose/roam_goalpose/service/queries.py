@@ -85,9 +85,10 @@ class Answer:
 
 def goal_pose_of(result: GoalPoseResult, shape: Shape, request: GoalPoseRequest) -> GoalPose:
     """The answer to `request` on the object `shape`."""
+    weight = request.weight_of("descriptor")
     return GoalPose(
         result=result,
-        qualities=tuple(quality_of(ranked, shape, request) for ranked in result.poses),
+        qualities=tuple(quality_of(ranked, shape, descriptor_weight=weight) for ranked in result.poses),
         outlines=tuple(footprint(shape.points)),
         volume=shape_volume(shape),
         skeleton=request.skeleton,

@@ -2,22 +2,25 @@
 
 Some 70 unknowns and a few hundred residuals: one step costs little more than one gradient of the descriptors, and a
 dozen steps do what hundreds of Adam steps do. Levenberg's damping is kept per candidate; a step that does not lower
-the energy is taken back. Several requests can share their steps: a batch twice as large costs far less than two.
+the energy is taken back. Several requests can share their steps: a batch twice as large costs far less than two. What a
+request gets does not depend on what shares its steps, to the bit: every sum runs over one pose's own numbers or is a
+matrix product of one object's own queries, whose shape is the same alone and in company.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from roam_character.rotation import quat_from_rotvec, quat_mul, quat_normalize
 from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure, figure_concat, figure_from_pose
+from roam_goalpose.energy.object import SignedDistance
 from roam_goalpose.energy.objective import Expansion, Objective, Quadratic, quadratic_concat, quadratic_where
 from roam_goalpose.energy.reference import ReferenceModel, models_stack
 from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.field.latent import latent_concat
 from roam_goalpose.solvers.candidates import Candidates
-from roam_goalpose.solvers.joined import targets_joined
 
 LONGEST_SHIFT, LARGEST_TURN = 0.06, 0.25  # [m], [rad] in one step
 
@@ -166,3 +169,36 @@ class _Batch:
         """Which of all poses are whose."""
         each = len(self.reference) // len(self.runs)
         return [(run, slice(k * each, (k + 1) * each)) for k, run in enumerate(self.runs)]
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """The distances of several objects, each for its share of the poses."""
+
+    objects: Sequence[SignedDistance]
+
+    def query(self, points: Tensor) -> Tensor:
+        """Points `[B, ..., 3]` [m], as many poses for each object -> `[B, ...]` [m]."""
+        return torch.cat([one.query(part) for one, part in self._shares(points)])
+
+    def tangent(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Distance `[B, ...]` [m] and gradient `[B, ..., 3]` at points `[B, ..., 3]` [m]."""
+        found = [one.tangent(part) for one, part in self._shares(points)]
+        return torch.cat([distance for distance, _ in found]), torch.cat([gradient for _, gradient in found])
+
+    def _shares(self, points: Tensor) -> list[tuple[SignedDistance, Tensor]]:
+        return list(zip(self.objects, points.chunk(len(self.objects)), strict=True))
+
+
+def targets_joined(targets: Sequence[Target], poses: int) -> Target:
+    """Several objects, with `poses` poses on each, as one target."""
+    if len(targets) == 1:
+        return targets[0]
+    fronts = torch.stack([target.front for target in targets]).repeat_interleave(poses, dim=0)
+    return replace(
+        targets[0],
+        latent=latent_concat([target.latent for target in targets]),
+        distance=Distances([target.distance for target in targets]),
+        front=fronts[:, None],
+        objects=len(targets),
+    )
