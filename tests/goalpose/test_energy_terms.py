@@ -43,8 +43,12 @@ def shaken(name: str = "chair_sit", *, turn: float = 0.1, shift: float = 0.02, c
 
 
 def violating():
-    """Shaken poses so far off that every term has something to say: below the floor, arms in the trunk."""
-    return shaken(turn=0.5, shift=0.15, count=4)
+    """Poses so far off that every term has something to say: below the floor, arms in the trunk, legs stretched."""
+    figure = shaken(turn=0.5, shift=0.15, count=4)
+    rotations = figure.rotations.clone()
+    rotations[:, figure.skeleton.indices(["leftLowerLeg", "rightLowerLeg"])] = torch.tensor([0.0, 0.0, 0.0, 1.0])
+    lower = figure.root_position - torch.tensor([0.0, 0.15, 0.0])
+    return figure_from_pose(figure.skeleton, lower, rotations)
 
 
 @pytest.mark.parametrize("term", [n for n in NAMES if n not in ("angle_limit", "constraint")])
@@ -94,7 +98,7 @@ def test_gradients_equal_finite_differences_along_random_steps(term):
         ahead = objective(term).expand(moved(figure, width * way)).energy.double()
         behind = objective(term).expand(moved(figure, -width * way)).energy.double()
         slope = (gradient * way).sum(-1).double()
-        torch.testing.assert_close((ahead - behind) / (2 * width), slope, atol=3e-3, rtol=0.05)
+        torch.testing.assert_close((ahead - behind) / (2 * width), slope, atol=1e-2, rtol=0.05)
 
 
 @pytest.mark.parametrize("term", [n for n in NAMES if TERMS[n].internal])

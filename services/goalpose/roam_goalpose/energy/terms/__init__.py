@@ -7,12 +7,14 @@ from roam_goalpose.energy.terms.constraint import Constraint
 from roam_goalpose.energy.terms.contact import Contact
 from roam_goalpose.energy.terms.descriptor import Descriptor
 from roam_goalpose.energy.terms.facing import Facing
+from roam_goalpose.energy.terms.feet_ahead import FeetAhead
 from roam_goalpose.energy.terms.floor import Floor
 from roam_goalpose.energy.terms.gravity import Gravity
 from roam_goalpose.energy.terms.penetration import Penetration
 from roam_goalpose.energy.terms.prior import Prior
 from roam_goalpose.energy.terms.self_collision import SelfCollision
 from roam_goalpose.energy.terms.symmetry import Symmetry
+from roam_goalpose.energy.terms.unsupported_lean import UnsupportedLean
 from roam_goalpose.energy.weights import EnergyWeights
 
 TERMS: dict[str, Term] = {
@@ -30,6 +32,8 @@ TERMS: dict[str, Term] = {
         Clearance(),
         Symmetry(),
         SelfCollision(),
+        FeetAhead(),
+        UnsupportedLean(),
     )
 }
 """Every term by name, in the order in which they are added up."""
