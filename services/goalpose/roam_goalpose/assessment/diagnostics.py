@@ -1,6 +1,9 @@
 """How good a goal pose is, in metres, and why it is doubtful if it is."""
 
+import json
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import torch
 
@@ -25,10 +28,31 @@ WIDEST_PERCH = 0.30  # [m^2] what is larger, as high that legs dangle and withou
 
 NO_SEAT, NARROW = 0.10, 0.18  # [m] across: a rail or an edge holds nobody up, a beam is for perching
 NO_BED = 0.45  # [m] across: nobody lies on the top of a back rest, or across a chair
-TABLE_LIKE = 0.53  # [m] across: what is as wide and has no back is a low table's top, or a bed's
-LONG_TOP = 0.69  # [m] a top as long as this is a table's if it is also ...
-DEEP_TOP, LOW_TOP, LOW_DEPTH = 0.39, 0.38, 0.33  # [m] ... deeper than most benches, or low and not narrow
+TABLE_LIKE_FILE = Path(__file__).with_name("table_like.json")  # written by roam_goalpose.training.table_like
 ROLLS = 0.20  # [m] across what touches the floor: a ball, a log, a single post
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableLike:
+    """When a level top without a back may be a table's; deep benches have one too, and nothing tells them apart."""
+
+    broad: float  # [m] across: what is as wide is a table's top, or a bed's
+    long: float  # [m] what is as long is a table's if it is also ...
+    deep: float  # [m] ... deeper than most benches, ...
+    low: float  # [m] ... or low ...
+    low_depth: float  # [m] ... and not narrow
+
+    @staticmethod
+    @cache
+    def load() -> "TableLike":
+        """The shipped limits."""
+        return TableLike(**json.loads(TABLE_LIKE_FILE.read_text()))
+
+    def holds(self, values: dict[str, float]) -> bool:
+        """Of a seat with these diagnostics."""
+        breadth = values["seat_breadth"]
+        low = values["seat_height"] < self.low and breadth > self.low_depth
+        return breadth > self.broad or (values["seat_length"] > self.long and (breadth > self.deep or low))
 
 
 @dataclass(frozen=True)
@@ -145,18 +169,11 @@ def _poor_seat(values: dict[str, float]) -> list[PoseWarning]:
             f"The object touches the floor with {100 * base:.0f} cm only: it may roll or tip over with its sitter."
         )
         found.append(PoseWarning("UNSTEADY_SEAT", message, "Fine if it is fixed in its place."))
-    if _table_like(values) and values.get("lean_miss", 1.0) > 0.06:
+    if TableLike.load().holds(values) and values.get("lean_miss", 1.0) > 0.06:
         size = f"at least {100 * breadth:.0f} by {100 * values['seat_length']:.0f} cm"
         message = f"The person sits without a back rest on a level top of {size}, as of a table."
         found.append(PoseWarning("TABLE_LIKE_SEAT", message, "Fine for deep benches, beds, daybeds and large stools."))
     return found
-
-
-def _table_like(values: dict[str, float]) -> bool:
-    """Whether a low table may have a top like this seat; deep benches have one too, and nothing tells them apart."""
-    breadth = values["seat_breadth"]
-    low = values["seat_height"] < LOW_TOP and breadth > LOW_DEPTH
-    return breadth > TABLE_LIKE or (values["seat_length"] > LONG_TOP and (breadth > DEEP_TOP or low))
 
 
 def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:
