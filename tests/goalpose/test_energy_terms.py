@@ -175,3 +175,32 @@ def test_turning_a_figure_turns_its_heading_and_keeps_its_height():
     before = model("chair_sit").figure.positions[0, toes] - model("chair_sit").figure.root_position[0]
     after = turned.positions[0, toes] - turned.root_position[0]
     torch.testing.assert_close(after, torch.stack([before[2], before[1], -before[0]]), atol=1e-5, rtol=0)
+
+
+def pitched(name: str, degrees: float):
+    """A reference pose whose whole trunk leans back further, legs as they are."""
+    figure = model(name).figure
+    turn = quat_from_rotvec(torch.tensor([-math.radians(degrees), 0.0, 0.0]))
+    rotations = figure.rotations.clone()
+    rotations[:, 0] = quat_mul(turn, rotations[:, 0])
+    return figure_from_pose(figure.skeleton, figure.root_position, rotations)
+
+
+def test_leaning_back_costs_where_nothing_is_behind():
+    on_stool = [float(objective("unsupported_lean", "stool_sit").at(pitched("stool_sit", a)).energy) for a in (0, 20)]
+    assert on_stool[0] < 0.01
+    assert on_stool[1] > 0.5
+    assert float(objective("unsupported_lean").at(model("chair_sit").figure).energy) < 0.01
+    assert float(objective("unsupported_lean", "sofa_lie").at(pitched("sofa_lie", 20)).energy) == 0.0
+
+
+def test_feet_that_nobody_could_rise_from_cost():
+    m = model("chair_sit")
+    rotations = m.figure.rotations.clone()
+    for bone in ("leftLowerLeg", "rightLowerLeg"):
+        knee = m.skeleton.index(bone)
+        rotations[0, knee] = quat_mul(rotations[0, knee], quat_from_rotvec(torch.tensor([-0.7, 0.0, 0.0])))
+    ahead = figure_from_pose(m.skeleton, m.figure.root_position, rotations)
+    assert float(objective("feet_ahead").at(m.figure).energy) < 0.05
+    assert float(objective("feet_ahead").at(ahead).energy) > 0.5
+    assert float(objective("feet_ahead", "bar_sit").at(model("bar_sit").figure).energy) == 0.0
