@@ -195,7 +195,7 @@ class Session:
             self.held = False
 
     def entry(self, control: ControlRequest) -> ControlEntry:
-        """Names the first frame that a new control, above the animator's floor, can affect; its id 0 takes the next one."""
+        """Names the first frame that a control (above the animator's floor) can affect; its id 0 takes the next one."""
         # a step that runs right now was given the old intent
         effective = max(self.sequence + self.under_way, self._seen_elsewhere) + 1
         control_id = control.control_id or self.last_control_id + 1
