@@ -2,9 +2,9 @@
 
 Some 70 unknowns and a few hundred residuals: one step costs little more than one gradient of the descriptors, and a
 dozen steps do what hundreds of Adam steps do. Levenberg's damping is kept per candidate; a step that does not lower
-the energy is taken back. Several requests can share their steps: a batch twice as large costs far less than two. What a
-request gets does not depend on what shares its steps, to the bit: every sum runs over one pose's own numbers or is a
-matrix product of one object's own queries, whose shape is the same alone and in company.
+the energy is taken back. Several requests can share their steps: a batch twice as large costs far less than two. Every
+sum runs over one pose's own numbers or is a matrix product of one object's own queries; whether a request then gets the
+same bits in company as alone is up to the processor's kernels, and `sharing` holds them to it.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -60,11 +60,16 @@ class Problem:
     watch: Callable[[int, Candidates], None] = lambda i, c: None  # told after every iteration; stops it by raising
 
     @property
+    def shape(self) -> Hashable:
+        """What decides the shapes of all its tensors, and so the kernels that compute them."""
+        return len(self.starts), self.model.width, self.settings, self.joints
+
+    @property
     def kind(self) -> Hashable:
         """Problems of one kind can share their steps: they differ in numbers only."""
-        target, sizes = self.target, (len(self.starts), self.model.width)
+        target = self.target
         alone = id(self) if target.constraints.given else None
-        return (*sizes, self.settings, self.joints, target.floor_height, id(target.field), alone)
+        return self.shape, target.floor_height, id(target.field), alone
 
 
 def minimise(problem: Problem) -> Candidates:

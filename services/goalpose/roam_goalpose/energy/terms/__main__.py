@@ -1,4 +1,4 @@
-"""`python -m roam_goalpose.energy.terms`: the table of energy terms, as docs/goal-poses.md has it."""
+"""`python -m roam_goalpose.energy.terms`: the table of energy terms, as docs/concepts/goal-poses.md has it."""
 
 from roam_goalpose.energy.terms import table
 
