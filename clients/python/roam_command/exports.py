@@ -21,7 +21,7 @@ def write_pose(path: Path, goal: GoalPose, *, source: Path, object: Object) -> N
     if path.suffix.lower() != ".glb":
         goal.save(path)
         return
-    glb, pose = _needed(path, "roam_character.formats.glb"), _needed(path, "character.pose")
+    glb, pose = _needed(path, "roam_character.formats.glb"), _needed(path, "roam_character.pose")
     skeleton = _skeleton(path, goal)
     content = pose.Pose(skeleton, goal.root_position, goal.rotations)
     glb.write_glb(path, content, mesh=read_mesh(source, object))
