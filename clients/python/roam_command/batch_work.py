@@ -1,11 +1,12 @@
 """One object of a batch, in whatever process an engine runs it: bytes in, a goal pose or a reason out."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from roam_character.skeleton import Skeleton
     from roam_goalpose.objects.isolation import IsolatedLoader
     from roam_goalpose.synthesis import Synthesizer
 
@@ -19,6 +20,14 @@ class Order:
     seed: int
     unit: str | None
     up: str | None
+    character: str = ""  # which character, with its map and height: "sha256:…"; "" for the default figure
+    body: bytes = b""  # skeleton_pb2.Skeleton of the character
+
+    def record(self) -> dict[str, Any]:
+        """What the ledger remembers of it: everything but the body, which the character's mark stands for."""
+        found = asdict(self)
+        del found["body"]
+        return found if self.character else {k: v for k, v in found.items() if k != "character"}
 
 
 @dataclass(frozen=True)
@@ -43,8 +52,10 @@ def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
     from roam_goalpose.objects import ObjectError
     from roam_goalpose.synthesis import GoalPoseRequest, RequestError
 
-    request = GoalPoseRequest(reference=order.reference, action=order.action, seed=order.seed)
     try:
+        request = GoalPoseRequest(
+            reference=order.reference, action=order.action, seed=order.seed, skeleton=_body(order.body)
+        )
         loader, synthesizer = _loader(), _synthesizer()
         started = perf_counter()
         shape = loader.load(data, format, unit=order.unit, up=order.up)
@@ -60,6 +71,15 @@ def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
         goal_pose=goal_pose_message(result, shape, request).SerializeToString(),
         seconds=perf_counter() - started,
     )
+
+
+@cache
+def _body(message: bytes) -> "Skeleton | None":
+    """The skeleton of the character."""
+    from roam.v1 import skeleton_pb2
+    from roam_goalpose.api.requests import skeleton_from_message
+
+    return skeleton_from_message(skeleton_pb2.Skeleton.FromString(message)) if message else None
 
 
 @cache
