@@ -23,9 +23,10 @@ import sys
 import bpy
 source, target, rate, last = sys.argv[-4:]
 bpy.ops.wm.read_factory_settings(use_empty=True)
-bpy.ops.import_scene.gltf(filepath=source, disable_bone_shape=True)
 scene = bpy.context.scene
+# Before the import: Blender puts keys at the frames of the scene's rate, and that is 24 a second.
 scene.render.fps, scene.render.fps_base = round(float(rate)), round(float(rate)) / float(rate)
+bpy.ops.import_scene.gltf(filepath=source, disable_bone_shape=True)
 scene.frame_start, scene.frame_end = 0, int(last)
 for item in list(bpy.data.objects):
     if item.name.startswith("Icosphere") and item.users_scene == ():

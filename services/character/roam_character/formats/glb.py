@@ -35,6 +35,7 @@ def scene_document(scene: Scene) -> GltfDocument:
         document = body_document(scene.clip, still=scene.is_pose, name=scene.name)
     if scene.furniture is not None:
         _add_furniture(document, scene.furniture)
+    document.mark_targets()
     return document
 
 
@@ -132,9 +133,13 @@ def _add_body(document: GltfDocument, skeleton: Skeleton) -> int:
     indices = document.accessor(body.faces.reshape(-1), "I", target=34963)
     primitive = {"attributes": attributes, "indices": indices, "material": document.material("body", _BODY_COLOUR)}
     mesh = document.add("meshes", {"name": "body", "primitives": [primitive]})
-    inverse_bind = np.tile(np.eye(4), (skeleton.joint_count, 1, 1))
-    inverse_bind[:, 3, :3] = -rest_origins(skeleton)  # column-major, as glTF stores matrices
-    skin = {"joints": list(range(skeleton.joint_count)), "inverseBindMatrices": document.accessor(inverse_bind)}
+    # Tips belong to the skin without moving anything: Blender then ends the last bones where they are.
+    origins = rest_origins(skeleton)
+    tips = [origins[tip.parent] + np.array(tip.offset) for tip in skeleton.tips]
+    origins = np.concatenate([origins, np.array(tips).reshape(-1, 3)])
+    inverse_bind = np.tile(np.eye(4), (len(origins), 1, 1))
+    inverse_bind[:, 3, :3] = -origins  # column-major, as glTF stores matrices
+    skin = {"joints": list(range(len(origins))), "inverseBindMatrices": document.accessor(inverse_bind)}
     return document.add("nodes", {"name": "body", "mesh": mesh, "skin": document.add("skins", skin)})
 
 

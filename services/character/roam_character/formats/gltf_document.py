@@ -174,6 +174,32 @@ class GltfDocument:
         head = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(body))
         return head + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
 
+    def mark_targets(self) -> None:
+        """Says of buffer views with vertex data or indices which they are, where the file does not and it is clear."""
+        used: dict[int, set[int]] = {}
+        views = self.json.get("bufferViews", [])
+
+        def note(accessor: int | None, target: int) -> None:
+            view = None if accessor is None else self.json["accessors"][accessor].get("bufferView")
+            if view is not None:
+                used.setdefault(view, set()).add(target)
+
+        for mesh in self.json.get("meshes", []):
+            for primitive in mesh["primitives"]:
+                note(primitive.get("indices"), 34963)
+                for table in (primitive["attributes"], *primitive.get("targets", [])):
+                    for accessor in table.values():
+                        note(accessor, 34962)
+        for skin in self.json.get("skins", []):
+            note(skin.get("inverseBindMatrices"), 0)
+        for animation in self.json.get("animations", []):
+            for sampler in animation["samplers"]:
+                note(sampler["input"], 0)
+                note(sampler["output"], 0)
+        for view, targets in used.items():
+            if len(targets) == 1 and (target := next(iter(targets))) and "target" not in views[view]:
+                views[view]["target"] = target
+
     def copy(self) -> "GltfDocument":
         """A document that can be changed without changing this one."""
         return GltfDocument(json.loads(json.dumps(self.json)), bytes(self.buffer))
