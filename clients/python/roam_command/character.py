@@ -111,13 +111,14 @@ class Character:
         theirs = Clip(figure, motion.frame_rate, motion.root_positions, motion.rotations)
         going_to = Pose(figure, motion.goal.root_position, motion.goal.rotations)
         performance = Performance(theirs, motion.contacts, going_to, goal.floor_height)
-        clip = onto_body(performance, Pose(self.fit.skeleton, goal.root_position, goal.rotations))
+        clip, contacts = onto_body(performance, Pose(self.fit.skeleton, goal.root_position, goal.rotations))
         return replace(
             motion,
             skeleton=self.skeleton,
             root_positions=clip.root_positions,
             rotations=clip.rotations,
             joint_positions=np.asarray(clip.positions(), np.float32),
+            contacts=contacts,
             goal=goal,
         )
 

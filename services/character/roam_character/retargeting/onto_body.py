@@ -21,6 +21,7 @@ from roam_character.skeleton import Skeleton
 # hips are 0.42 m or more from it, so all of sitting down is used and none of walking.
 _NEAR = 0.40
 _THERE = 0.02
+_HANGS = 0.04  # of the leg: a foot higher above where it stands in the goal pose hangs (goal poses stand within 3 cm)
 _SIDES = ("left", "right")
 
 
@@ -51,10 +52,11 @@ def size_ratio(skeleton: Skeleton, figure: Skeleton) -> float:
     return leg_length(skeleton) / leg_length(figure)
 
 
-def onto_body(performance: Performance, goal: Pose) -> Clip:
-    """The motion on the skeleton of `goal`, its own goal pose [same frames].
+def onto_body(performance: Performance, goal: Pose) -> tuple[Clip, np.ndarray]:
+    """The motion on the skeleton of `goal`, ending in that pose, and its contacts [T, 4]: the same frames.
 
-    ValueError when the two skeletons are not made of the same bones in a T-pose.
+    Feet that hang in the body's goal pose lose their contact on the way down. ValueError when the two skeletons are
+    not made of the same bones in a T-pose.
     """
     clip, body = performance.clip, goal.skeleton
     if body.joint_names != clip.skeleton.joint_names or body.parents != clip.skeleton.parents:
@@ -66,8 +68,11 @@ def onto_body(performance: Performance, goal: Pose) -> Clip:
     rotations = quat_mul(_part(away, nearness), clip.rotations)
     roots = carried.roots(clip.root_positions, clip.rotations)
     roots = roots + nearness[:, None] * (goal.root_position - at_goal.root_positions[0])
-    rotations = _plant(performance, goal, carried, roots, rotations, nearness)
-    return Clip(body, clip.frame_rate, roots.astype(np.float32), rotations.astype(np.float32))
+    feet = _Feet(performance, goal, carried, nearness)
+    roots = _within_reach(body, roots, rotations, feet.targets, nearness)
+    rotations = _plant(performance.floor, body, feet, roots, rotations)
+    moved = Clip(body, clip.frame_rate, roots.astype(np.float32), rotations.astype(np.float32))
+    return moved, performance.contacts & ~np.repeat(feet.lifted, 2, axis=1)
 
 
 class _Carried:
@@ -110,10 +115,12 @@ class _Carried:
 
 
 def _reached(body: Skeleton, roots: np.ndarray, rotations: np.ndarray, side: str, ankle: np.ndarray) -> np.ndarray:
+    """Local rotations with one leg reaching for its ankle. Twice: near a straight leg one step is millimetres off."""
     which, turns = limb(body, f"{side}Leg"), rotations.copy()
-    posture = forward_kinematics(body, roots, turns)
-    ahead = quat_rotate(posture.orientations[:, which.lower], np.broadcast_to([0.0, 0.0, 1.0], ankle.shape))
-    turns[:, list(which)] = reach_with_limb(body, which, posture, ankle, bend=ahead)
+    for _ in range(2):
+        posture = forward_kinematics(body, roots, turns)
+        ahead = quat_rotate(posture.orientations[:, which.lower], np.broadcast_to([0.0, 0.0, 1.0], ankle.shape))
+        turns[:, list(which)] = reach_with_limb(body, which, posture, ankle, bend=ahead)
     return turns
 
 
@@ -130,28 +137,62 @@ def _part(turn: np.ndarray, amount: np.ndarray) -> np.ndarray:
     return np.asarray(quat_slerp(quat_identity(full, full.shape[:-1]), full, amount[:, None, None]))
 
 
-def _plant(
-    performance: Performance, goal: Pose, carried: _Carried, roots: np.ndarray, rotations: np.ndarray,
-    nearness: np.ndarray,
-) -> np.ndarray:  # fmt: skip
-    """Legs that reach for the carried ankles, which take the goal pose's places in their last swing."""
-    clip, body = performance.clip, goal.skeleton
-    ankles = carried.ankles(clip.root_positions, clip.rotations)
-    there = carried.ankles(performance.goal.root_position[None], performance.goal.rotations[None])[0]
-    figure = np.asarray(clip.posture().orientations)
-    resting = np.asarray(performance.goal.posture().orientations)
-    own = goal.posture()
+class _Feet:
+    """Where the feet go: the carried places, then those of the goal pose, which they take in their last swing."""
+
+    def __init__(self, performance: Performance, goal: Pose, carried: _Carried, nearness: np.ndarray) -> None:
+        clip, body = performance.clip, goal.skeleton
+        ankles = carried.ankles(clip.root_positions, clip.rotations)
+        there = carried.ankles(performance.goal.root_position[None], performance.goal.rotations[None])[0]
+        figure = np.asarray(clip.posture().orientations)
+        resting = np.asarray(performance.goal.posture().orientations)
+        own = goal.posture()
+        targets, turns, lifted = [], [], []
+        for index, side in enumerate(_SIDES):
+            foot = body.index(f"{side}Foot")
+            standing = ankle_height(body) + performance.floor
+            hangs = bool(own.positions[foot, 1] > standing + _HANGS * leg_length(body))
+            planted = performance.contacts[:, 2 * index] | performance.contacts[:, 2 * index + 1]
+            taken = nearness if hangs else _taken(planted, nearness)
+            targets.append(ankles[:, index] + taken[:, None] * (own.positions[foot] - there[index]))
+            turn = quat_mul(own.orientations[foot], quat_inv(resting[foot]))
+            turns.append(quat_mul(_part(turn[None], taken)[:, 0], figure[:, foot]))
+            lifted.append((taken > 0.02) if hangs else np.zeros(len(clip), bool))
+        self.targets = np.stack(targets, axis=1)  # [T, 2, 3] of the ankles
+        self.turns = np.stack(turns, axis=1)  # [T, 2, 4] world orientations
+        self.lifted = np.stack(lifted, axis=1)  # [T, 2] off the floor though the figure's foot stands
+
+
+def _within_reach(
+    body: Skeleton, roots: np.ndarray, rotations: np.ndarray, ankles: np.ndarray, nearness: np.ndarray
+) -> np.ndarray:
+    """Hips [T, 3] lowered where a leg could not reach its ankle: bodies with broader hips or other ankles need it."""
+    positions = np.asarray(forward_kinematics(body, roots, rotations).positions)
+    longest = 0.998 * leg_length(body)
+    drops = np.zeros(len(roots))
+    for index, side in enumerate(_SIDES):
+        hip = positions[:, body.index(f"{side}UpperLeg")]
+        flat = np.linalg.norm((hip - ankles[:, index])[:, [0, 2]], axis=-1)
+        highest = ankles[:, index, 1] + np.sqrt(np.maximum(longest**2 - flat**2, 0.0))
+        drops = np.maximum(drops, hip[:, 1] - highest)
+    # Held over a fifth of a second and smoothed over as much: the hips sway, they do not jerk.
+    width = min(7, len(drops))
+    padded = np.pad(np.maximum(drops, 0.0), width // 2, mode="edge")
+    held = np.lib.stride_tricks.sliding_window_view(padded, width).max(axis=-1)[: len(drops)]
+    padded = np.pad(held, width // 2, mode="edge")
+    smooth = np.lib.stride_tricks.sliding_window_view(padded, width).mean(axis=-1)[: len(drops)]
+    return np.asarray(roots - (smooth * (1 - nearness))[:, None] * [0.0, 1.0, 0.0])
+
+
+def _plant(floor: float, body: Skeleton, feet: _Feet, roots: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+    """Legs that reach for the feet's places, feet turned as they should be."""
     for index, side in enumerate(_SIDES):
         foot = body.index(f"{side}Foot")
-        planted = performance.contacts[:, 2 * index] | performance.contacts[:, 2 * index + 1]
-        taken = _taken(planted, nearness)
-        target = ankles[:, index] + taken[:, None] * (own.positions[foot] - there[index])
-        turn = quat_mul(own.orientations[foot], quat_inv(resting[foot]))
-        world = quat_mul(_part(turn[None], taken)[:, 0], figure[:, foot])
-        rotations = _reached(body, roots, rotations, side, target)
+        rotations = _reached(body, roots, rotations, side, feet.targets[:, index])
         posture = forward_kinematics(body, roots, rotations)
-        rotations[:, foot] = quat_mul(quat_inv(posture.orientations[:, body.parents[foot]]), world)
-        rotations[:, foot] = _toes_up(body, roots, rotations, side, performance.floor)
+        above = posture.orientations[:, body.parents[foot]]
+        rotations[:, foot] = quat_mul(quat_inv(above), feet.turns[:, index])
+        rotations[:, foot] = _toes_up(body, roots, rotations, side, floor)
     return rotations
 
 

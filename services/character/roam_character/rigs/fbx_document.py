@@ -93,7 +93,11 @@ def _matrix(matrix: Any) -> np.ndarray:
 
 
 def _colour(material: Any) -> tuple[float, ...]:
-    value = material.fbx.diffuse_color.value_vec4
+    diffuse = material.fbx.diffuse_color
+    texture, value = diffuse.texture, diffuse.value_vec4
+    _KEPT.extend((diffuse, texture))
+    if texture is not None:  # which is not read: the colour under it is often black and never meant to be seen
+        return 0.8, 0.8, 0.8, 1.0
     return (*(float(np.clip(getattr(value, axis), 0, 1)) for axis in "xyz"), 1.0)
 
 
