@@ -12,8 +12,6 @@ from roam_client.skeleton import Skeleton, Tip
 from roam_command.reports import UsageError, stderr
 
 if TYPE_CHECKING:
-    from roam_character.clip import Clip
-    from roam_character.pose import Pose
     from roam_character.retargeting.onto_rig import RigMotion
     from roam_character.retargeting.proportions import Fit
     from roam_character.rigs.mapping import BoneMap
@@ -95,9 +93,7 @@ class Character:
         from roam_character.clip import Clip
         from roam_character.retargeting.onto_rig import onto_rig
 
-        return onto_rig(
-            self.fit, Clip(self.fit.skeleton, motion.frame_rate, motion.root_positions, motion.rotations)
-        )
+        return onto_rig(self.fit, Clip(self.fit.skeleton, motion.frame_rate, motion.root_positions, motion.rotations))
 
     def performing(self, motion: Motion, goal: GoalPose) -> Motion:
         """A motion of the default figure (with its goal) on this body, ending in the body's own goal pose."""

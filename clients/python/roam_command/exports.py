@@ -34,9 +34,7 @@ def _endings(*, poses: bool) -> tuple[str, ...]:
     return endings(poses=poses)
 
 
-def write_pose(
-    path: Path, goal: GoalPose, *, source: Path, object: Object, character: Character | None = None
-) -> None:
+def write_pose(path: Path, goal: GoalPose, *, source: Path, object: Object, character: Character | None = None) -> None:
     """Writes a goal pose; formats that hold furniture get the object beside the body."""
     if path.suffix.lower() in _BARE and character is None:
         goal.save(path)

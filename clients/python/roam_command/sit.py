@@ -105,15 +105,11 @@ def _goals(
     place, goal = make_goal_pose(client, bar, source, wish, wishes=PoseWishes(skeleton=character.skeleton))
     x, y, z = (float(value) for value in goal.root_position)
     same = PoseWishes(seat_point=(x, y, z), facing=goal.heading)
-    target = client.synthesize(
-        place, reference=wish.reference, action=wish.action.action, seed=wish.seed, wishes=same
-    )
+    target = client.synthesize(place, reference=wish.reference, action=wish.action.action, seed=wish.seed, wishes=same)
     return place, goal, target
 
 
-def _placement(
-    wanted: Placement | None, goal: GoalPose, target: GoalPose, character: Character | None
-) -> Placement:
+def _placement(wanted: Placement | None, goal: GoalPose, target: GoalPose, character: Character | None) -> Placement:
     """Where the animated figure starts: its way is scaled about the goal, so it starts as much farther or nearer."""
     if character is None:
         return wanted or in_front_of(target, DEFAULT_DISTANCE)

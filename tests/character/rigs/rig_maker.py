@@ -225,5 +225,3 @@ def _stride(document: GltfDocument, joints: list, degrees: float) -> None:
             node = document.json["nodes"][index + 1]
             turn = quat_from_rotvec(np.array([np.radians(degrees), 0.0, 0.0]))
             node["rotation"] = quat_mul(np.array(node["rotation"]), turn).tolist()
-
-

@@ -178,7 +178,6 @@ def _hierarchy_lines(skeleton: Skeleton, axes: list[str], joint: int, depth: int
     return [*lines, pad + "}"]
 
 
-
 def _word(name: str) -> str:
     """A joint name as one word: BVH ends a name at the first space."""
     return "_".join(name.split()) or "joint"

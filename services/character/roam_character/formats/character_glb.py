@@ -114,4 +114,3 @@ def _add_body(document: GltfDocument, motion: RigMotion) -> None:
     }
     node = {"name": "body", "mesh": document.add("meshes", mesh), "skin": document.add("skins", skin)}
     document.scene_roots().append(document.add("nodes", node))
-

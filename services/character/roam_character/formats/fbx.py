@@ -60,7 +60,12 @@ def write(path: Path, scene: Scene) -> Sequence[str]:
         command = [*blender_command(), str(script), "--", str(source), str(target), str(clip.frame_rate)]
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         done = subprocess.run(
-            [*command, str(len(clip) - 1)], capture_output=True, text=True, timeout=_SECONDS, cwd=folder, env=environment
+            [*command, str(len(clip) - 1)],
+            capture_output=True,
+            text=True,
+            timeout=_SECONDS,
+            cwd=folder,
+            env=environment,
         )
         if not target.is_file():
             reason = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:] or [f"status {done.returncode}"]
@@ -73,4 +78,6 @@ def _missing() -> str:
     return "" if blender_command() else "Blender (the program on PATH, or pip install bpy)"
 
 
-FORMAT = Format("fbx", "FBX (by Blender, where it is installed)", (".fbx",), write=write, furniture=True, missing=_missing)
+FORMAT = Format(
+    "fbx", "FBX (by Blender, where it is installed)", (".fbx",), write=write, furniture=True, missing=_missing
+)

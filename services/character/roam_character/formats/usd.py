@@ -165,10 +165,16 @@ def _add_keys(
     for frame in range(len(moves)):
         code = Usd.TimeCode.Default() if still else Usd.TimeCode(frame)
         places.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(moves[frame], np.float32)), code)
-        spins.Set(Vt.QuatfArray([Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns[frame]]), code)
+        spins.Set(
+            Vt.QuatfArray([Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns[frame]]), code
+        )
         scales.Set(Vt.Vec3hArray([Gf.Vec3h(*map(float, s)) for s in sizes[frame]]), code)
     if not still:
-        for attribute in (places, spins, scales):  # readers that end a clip at the last sample would drop the last frame
+        for attribute in (
+            places,
+            spins,
+            scales,
+        ):  # readers that end a clip at the last sample would drop the last frame
             attribute.Set(attribute.Get(len(moves) - 1), Usd.TimeCode(len(moves)))
         stage.SetStartTimeCode(0)
         stage.SetEndTimeCode(len(moves))
@@ -197,7 +203,9 @@ def _add_skinned(stage: Any, document: GltfDocument, joints: list[int], skeleton
             binding = UsdSkel.BindingAPI.Apply(prim)
             binding.CreateSkeletonRel().SetTargets([skeleton.GetPrim().GetPath()])
             total = np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
-            binding.CreateJointIndicesPrimvar(False, 4).Set(Vt.IntArray.FromNumpy(slots[own].reshape(-1).astype(np.int32)))
+            binding.CreateJointIndicesPrimvar(False, 4).Set(
+                Vt.IntArray.FromNumpy(slots[own].reshape(-1).astype(np.int32))
+            )
             binding.CreateJointWeightsPrimvar(False, 4).Set(
                 Vt.FloatArray.FromNumpy((weights / total).reshape(-1).astype(np.float32))
             )
@@ -231,7 +239,9 @@ def _add_mesh(stage: Any, path: str, document: GltfDocument, primitive: dict[str
     mesh.CreateDisplayColorAttr([Gf.Vec3f(*colour)])
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
     if "NORMAL" in attributes:
-        mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(document.values(attributes["NORMAL"]), np.float32)))
+        mesh.CreateNormalsAttr(
+            Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(document.values(attributes["NORMAL"]), np.float32))
+        )
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     if "TEXCOORD_0" in attributes:
         places = np.ascontiguousarray(document.values(attributes["TEXCOORD_0"]) * [1, -1] + [0, 1], np.float32)

@@ -300,9 +300,7 @@ def _skeleton(shape: _Straightened, rig: Rig, bones: dict[str, int], scale: floa
     )
 
 
-def _fill_trunk(
-    places: dict[str, np.ndarray], carriers: dict[int, int], bones: dict[str, int], base: Skeleton
-) -> None:
+def _fill_trunk(places: dict[str, np.ndarray], carriers: dict[int, int], bones: dict[str, int], base: Skeleton) -> None:
     """Places for trunk bones that the rig lacks: on the last one that it has, which takes their orientation."""
     up = np.array([0.0, _STUB, 0.0])
     last = "hips"

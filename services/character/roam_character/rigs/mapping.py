@@ -287,7 +287,9 @@ def _check(rig: Rig, bones: dict[str, int], *, strict: bool) -> tuple[tuple[str,
     at = {bone: rig.bind[joint, :3, 3] for bone, joint in bones.items()}
     doubts, worth = [], dict[str, float]()
     if len(set(bones.values())) < len(bones):
-        raise RigError(f"{rig.name}: one joint is named for two bones", remedy="Give every bone its own joint, or null.")
+        raise RigError(
+            f"{rig.name}: one joint is named for two bones", remedy="Give every bone its own joint, or null."
+        )
     legs, arms = (
         [(side + a, side + b) for side in ("left", "right") for a, b in pairs]
         for pairs in (

@@ -43,13 +43,7 @@ _JAPANESE = {
 }  # fmt: skip
 # A joint with one of these words is a helper, a finger, a part of the face or a thing, never one of the 22 bones.
 NOT_BONES = frozenset(
-    "twist roll ik fk pole target ctrl control ctl handle helper end leaf nub site tip effector locator socket slot "
-    "attach weapon sword gun shield prop props thumb index middle ring pinky pinkie little finger fingers fingerbase "
-    "metacarpal carpal eye eyes eyelid brow eyebrow jaw teeth tooth tongue ear ears lip lips nose cheek mouth face "
-    "hair bang bangs ponytail ribbon skirt cape cloak tail wing breast boob bust pec pectoral glute butt buttock "
-    "muscle corrective adj adjust bulge share jiggle phys dynamic mch org wgt vis tweak parent null dummy trans "
-    "footsteps floor ground camera light heel metatarsal metatarsals bag backpack hat helmet glasses belt tie "
-    "collarbone_end pt armor armour accessory bend_helper space offset gizmo drv stretch hipjoint front hind".split()
+    ["twist", "roll", "ik", "fk", "pole", "target", "ctrl", "control", "ctl", "handle", "helper", "end", "leaf", "nub", "site", "tip", "effector", "locator", "socket", "slot", "attach", "weapon", "sword", "gun", "shield", "prop", "props", "thumb", "index", "middle", "ring", "pinky", "pinkie", "little", "finger", "fingers", "fingerbase", "metacarpal", "carpal", "eye", "eyes", "eyelid", "brow", "eyebrow", "jaw", "teeth", "tooth", "tongue", "ear", "ears", "lip", "lips", "nose", "cheek", "mouth", "face", "hair", "bang", "bangs", "ponytail", "ribbon", "skirt", "cape", "cloak", "tail", "wing", "breast", "boob", "bust", "pec", "pectoral", "glute", "butt", "buttock", "muscle", "corrective", "adj", "adjust", "bulge", "share", "jiggle", "phys", "dynamic", "mch", "org", "wgt", "vis", "tweak", "parent", "null", "dummy", "trans", "footsteps", "floor", "ground", "camera", "light", "heel", "metatarsal", "metatarsals", "bag", "backpack", "hat", "helmet", "glasses", "belt", "tie", "collarbone_end", "pt", "armor", "armour", "accessory", "bend_helper", "space", "offset", "gizmo", "drv", "stretch", "hipjoint", "front", "hind"]
 )
 _SIDES = {"left": "left", "right": "right", "l": "left", "r": "right", "lft": "left", "rgt": "right", "lf": "left",
           "rt": "right"}  # fmt: skip
