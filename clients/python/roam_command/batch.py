@@ -49,8 +49,9 @@ def batch(
 ) -> None:
     """Make a pose for every furniture file in DIR, one line each; stop it and run it again to go on.
 
-    OUT gets `sofa.pose.npz` for `sofa.glb`, and `batch.jsonl` with one line per object: what was made, with which figures,
-    or why not. Objects done before with the same options are left alone; failures are listed and tried again next time.
+    OUT gets `sofa.pose.npz` for `sofa.glb`, and `batch.jsonl` with one line per object: what was made, with which
+    figures, or why not. Objects done before with the same options are left alone; failures are listed and tried again
+    next time.
     """
     with reported(as_json=json):
         sources = furniture_files(folder, output)

@@ -163,7 +163,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--without-names", action="store_true", help="tell the bones by tree and shape alone")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything here")
     options = parser.parse_args(arguments)
-    judged, negatives = [], []
+    judged, negatives = list[Judgement](), list[Judgement]()
     for path in sorted(options.folder.rglob("*")):
         if path.suffix.lower() in RIG_READERS and _beside(path, "map").exists():
             item = judge(path, without_names=options.without_names)
@@ -187,8 +187,8 @@ def line(item: Judgement) -> str:
     odd = "; ".join([*item.wrong, *(f"invented {bone}" for bone in item.invented)])
     return (
         f"{item.name:28} {item.family[:22]:22} {item.right}/{item.mapped} sure {item.confidence:.2f}  "
-        f"contacts {1000 * item.contact_error:.2f} mm, {item.angle_error:.3f}°, soles {1000 * item.sole_error:+.1f} mm, "
-        f"{item.height:.2f} m  {odd}"
+        f"contacts {1000 * item.contact_error:.2f} mm, {item.angle_error:.3f}°, "
+        f"soles {1000 * item.sole_error:+.1f} mm, {item.height:.2f} m  {odd}"
     )
 
 

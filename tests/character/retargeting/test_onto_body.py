@@ -67,7 +67,7 @@ def _steps(goal: Pose, contacts: np.ndarray) -> list[np.ndarray]:
     found = []
     for index, foot in enumerate(FEET):
         end = goal.positions()[foot]
-        start = end + [0.0, 0.0, 0.45]
+        start = end + np.array([0.0, 0.0, 0.45])
         planted = contacts[:, 2 * index]
         part = np.cumsum(~planted) / (~planted).sum()
         way = start + part[:, None] * (end - start)

@@ -39,7 +39,7 @@ def test_thighs_below_the_spine_and_collar_bones_below_the_neck(rig_of):
 
 
 def test_feet_below_the_root_and_hips_called_body(rig_of):
-    names = {**{b: n for b, n in named("rigify").items()}, "hips": "Body", "spine": "Abdomen", "chest": "Torso",
+    names = {**named("rigify"), "hips": "Body", "spine": "Abdomen", "chest": "Torso",
              "upperChest": "Chest", "neck": "Neck", "head": "Head"}  # fmt: skip
     extras = [("Hips", "hips", (0.0, 0.01, 0.0))]
     rig = rig_of(names=names, parents={"leftFoot": "", "rightFoot": ""}, extras=extras)
@@ -116,8 +116,9 @@ def test_map_files_are_checked(rig_of, tmp_path):
 def rigid_toy() -> GltfDocument:
     """A figure of one piece a limb, as low-poly packs have them."""
     document = GltfDocument()
-    for name, place in (("torso", (0, 0.5, 0)), ("leg-left", (0.1, 0.2, 0)), ("leg-right", (-0.1, 0.2, 0)),
-                        ("arm-left", (0.3, 0.6, 0)), ("arm-right", (-0.3, 0.6, 0)), ("antenna", (0, 0.9, 0))):  # fmt: skip
+    places = {"torso": (0, 0.5, 0), "leg-left": (0.1, 0.2, 0), "leg-right": (-0.1, 0.2, 0), "antenna": (0, 0.9, 0),
+              "arm-left": (0.3, 0.6, 0), "arm-right": (-0.3, 0.6, 0)}  # fmt: skip
+    for name, place in places.items():
         document.add("nodes", {"name": name, "translation": list(place)})
     document.json["nodes"][0]["children"] = [1, 2, 3, 4, 5]
     document.add("scenes", {"nodes": [0]})
@@ -137,7 +138,7 @@ def test_an_animal_with_human_names_is_refused(rig_of):
     front = ("spine", "chest", "upperChest", "neck", "head", "Shoulder", "UpperArm", "LowerArm", "Hand")
     for joint, name in enumerate(rig.joint_names):
         if name.endswith(front):  # the trunk lies level, the front legs hang down
-            x, y, z = bind[joint, :3, 3]
+            x, y, _ = bind[joint, :3, 3]
             bind[joint, :3, 3] = (x * 0.3, 0.9 - abs(x), y - 0.9)
     with pytest.raises(RigError, match="like an animal"):
         map_bones(replace(rig, bind=bind))

@@ -82,7 +82,7 @@ def _add_body(document: GltfDocument, motion: RigMotion) -> None:
     fit = motion.fit
     body, places = body_mesh(fit.skeleton), rest_positions(fit.skeleton)
     joint_of = {bone: joint for joint, bone in fit.carriers.items()}
-    slots = []
+    slots: list[int] = []
     for bone, parent in enumerate(fit.skeleton.parents):
         slots.append(joint_of.get(bone, slots[parent] if parent >= 0 else fit.bones["hips"]))
     inverse = []

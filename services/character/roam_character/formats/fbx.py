@@ -1,6 +1,6 @@
 """FBX, written by Blender from our GLB: where a Blender is installed (`blender`, or a Python that has `bpy`).
 
-Set for game engines: metres (FBX_SCALE_UNITS), no leaf bones, deforming bones and their parents only, every frame keyed.
+Set for game engines: metres (FBX_SCALE_UNITS), no leaf bones, every frame keyed.
 ROAM_BLENDER names a `blender` program or a Python with bpy; else both are looked for.
 """
 

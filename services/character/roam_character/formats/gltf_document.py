@@ -7,7 +7,6 @@ import base64
 import json
 import struct
 import urllib.parse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -221,11 +220,14 @@ class GltfDocument:
         return roots
 
 
-_LISTS = ("accessors", "bufferViews", "cameras", "images", "materials", "meshes", "nodes", "samplers", "skins")
-_LISTS += ("textures",)
+_LISTS: tuple[str, ...] = (
+    "accessors", "bufferViews", "cameras", "images", "materials", "meshes", "nodes", "samplers", "skins", "textures",
+)  # fmt: skip
 # Extensions whose data stands at the top of the file: without it their marks on nodes and materials mean nothing.
-_BY_DOCUMENT = ("KHR_lights_punctual", "KHR_materials_variants", "KHR_audio", "VRM", "VRMC_vrm", "VRMC_springBone")
-_BY_DOCUMENT += ("VRMC_node_constraint", "KHR_xmp_json_ld", "EXT_lights_image_based")
+_BY_DOCUMENT: tuple[str, ...] = (
+    "KHR_lights_punctual", "KHR_materials_variants", "KHR_audio", "VRM", "VRMC_vrm", "VRMC_springBone",
+    "VRMC_node_constraint", "KHR_xmp_json_ld", "EXT_lights_image_based",
+)  # fmt: skip
 _REFERENCES = {
     "POSITION": "accessors", "bufferView": "bufferViews", "mesh": "meshes", "skin": "skins", "camera": "cameras",
     "material": "materials", "source": "images", "sampler": "samplers", "indices": "accessors",
@@ -349,6 +351,3 @@ def decompose(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     turn = turn / np.where(np.abs(scale) < 1e-12, 1.0, scale)[..., None, :]
     u, _, v = np.linalg.svd(turn)
     return np.array(matrix[..., :3, 3]), quat_from_matrix(u @ v), scale
-
-
-Edit = Callable[[GltfDocument], None]

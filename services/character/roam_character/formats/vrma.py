@@ -37,12 +37,13 @@ def vrma_document(clip: Clip) -> GltfDocument:
     turns = np.asarray(clip.rotations, float)
     turns = continuous(turns / np.linalg.norm(turns, axis=-1, keepdims=True))
     times = document.accessor(np.arange(len(clip)) / clip.frame_rate, bounds=True)
-    samplers, channels = [], []
+    samplers: list[dict[str, object]] = []
+    channels: list[dict[str, object]] = []
     tracks = [(0, "translation", clip.root_positions)]
     tracks += [(place[joint], "rotation", turns[:, joint]) for joint in bones]
-    for node, path, values in tracks:
+    for target, path, values in tracks:
         samplers.append({"input": times, "output": document.accessor(values), "interpolation": "LINEAR"})
-        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": target, "path": path}})
     document.add("animations", {"name": "motion", "samplers": samplers, "channels": channels})
     human = {skeleton.humanoid_bones[joint]: {"node": place[joint]} for joint in bones}
     document.json["extensions"] = {"VRMC_vrm_animation": {"specVersion": "1.0", "humanoid": {"humanBones": human}}}

@@ -2,11 +2,13 @@
 
 Every mapped joint gets the world orientation of its bone times its rotation in the T-pose, and the bone's place. Where
 the rig's tree is ours, places follow from rotations; where it is not (thighs below the spine, feet below the root,
-several spine joints for one of ours) the joint's translation is animated too, so that hands and feet are where the pose
-has them. Everything below a bone (fingers, hair, props) stays as it is bound; twist joints take their part of the twist.
+several spine joints for one of ours) the joint's translation is animated too, so that hands and feet are where the
+pose has them. Everything below a bone (fingers, hair, props) stays as it is bound; twist joints take their part of the
+twist.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -119,7 +121,7 @@ def _between(fit: Fit) -> dict[int, tuple[int, int, float]]:
     """Trunk joints of the rig between two of ours -> those two and how far along they are (0 to 1)."""
     found: dict[int, tuple[int, int, float]] = {}
     chain = [bone for bone in _TRUNK if bone in fit.bones]
-    for one, two in zip(chain, chain[1:], strict=False):
+    for one, two in pairwise(chain):
         way = fit.rig.path(fit.bones[one], fit.bones[two])[1:-1]
         ends = fit.carriers[fit.bones[one]], fit.carriers[fit.bones[two]]
         found |= {joint: (*ends, (i + 1) / (len(way) + 1)) for i, joint in enumerate(way)}

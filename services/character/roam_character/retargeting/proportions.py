@@ -1,8 +1,8 @@
 """A character's proportions: its T-pose, whatever pose it is bound in, and a Skeleton of 22 joints with its lengths.
 
 Every limb of the bind pose is turned the shortest way into the T-pose (arms along ±X, legs straight down, feet ahead),
-joint by joint from the trunk outwards, so that bent elbows and A-poses become hinges' turns. Identity in the skeleton is
-that T-pose; `Fit.turns` are the world rotations of the character's own joints in it.
+joint by joint from the trunk outwards, so that bent elbows and A-poses become hinges' turns. Identity in the skeleton
+is that T-pose; `Fit.turns` are the world rotations of the character's own joints in it.
 
 Bones that the rig lacks stand a millimetre from the next one that it has, so that turning them moves nothing else; the
 joint before them takes over their rotation.
@@ -97,7 +97,7 @@ class _Straightened:
             for s in ("left", "right") for a, b in (("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"))
         )  # fmt: skip
         # Rigs put their hips joint anywhere about the pelvis: ours lies as high over the thighs as the humanoid's.
-        self.our_hips = middle + [0, 0.06 / 0.82 * legs, 0]
+        self.our_hips = middle + np.array([0, 0.06 / 0.82 * legs, 0])
 
     def _frame(self) -> np.ndarray:
         """Rotation from the bind pose's space to the character's: left +X, up +Y, ahead +Z."""
@@ -279,7 +279,7 @@ def _skeleton(shape: _Straightened, rig: Rig, bones: dict[str, int], scale: floa
             ankle = float(foot[1] + shape.our_hips[1] * scale)
             leg = float(np.linalg.norm(places[f"{side}UpperLeg"] - foot))
             # the humanoid's ball is 0.125 m ahead of an ankle 0.08 m high on legs of 0.82 m
-            places[f"{side}Toes"] = foot + [0, -0.7 * ankle, 0.125 / 0.82 * leg]
+            places[f"{side}Toes"] = foot + np.array([0, -0.7 * ankle, 0.125 / 0.82 * leg])
     offsets = np.zeros((base.joint_count, 3))
     for joint, bone in enumerate(base.joint_names):
         parent = base.parents[joint]

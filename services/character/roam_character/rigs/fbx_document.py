@@ -37,8 +37,9 @@ def fbx_document(path: Path) -> GltfDocument:
         matrix = every[item].node_to_parent if above[item] in nodes else every[item].node_to_world
         document.add("nodes", _node(every[item].name, _matrix(matrix)))
     for item, index in nodes.items():
-        if above[item] in nodes:
-            document.json["nodes"][nodes[above[item]]].setdefault("children", []).append(index)
+        owner = above[item]
+        if owner is not None and owner in nodes:
+            document.json["nodes"][nodes[owner]].setdefault("children", []).append(index)
     materials: dict[int, int] = {}
     for mesh in _items(scene.meshes):
         slots = []

@@ -183,7 +183,7 @@ def _settled(rig: Rig, places: tuple[int, ...], joint: int, certain: dict[int, l
         return SHOULDER if UPPER in certain else UPPER
     if places == (LOWER, UPPER):  # `leg` is the shin below a thigh and the thigh above a knee
         above = certain.get(UPPER, [])
-        return LOWER if above and not (set(above) - {joint} == set()) else UPPER
+        return LOWER if set(above) - {joint} else UPPER
     ankles = certain.get(END, [])  # below an ankle `foot` is the toes
     return TIP if any(a in rig.ancestors(joint) for a in ankles) else END
 
@@ -232,7 +232,7 @@ def _head(rig: Rig, read: list[Reading], limbs: dict[str, int]) -> int | None:
     chain = [j for j in spines if read[j].trunk in ("spine", "neck", "")]
     if not chain:
         return None
-    parent, steps = carrier, []
+    parent, steps = carrier, list[int]()
     while below := [j for j in chain if rig.parents[j] == parent]:
         parent = max(below, key=lambda j: (read[j].trunk != "", rig.bind[j, 1, 3]))
         if steps and not read[parent].trunk and read[steps[-1]].trunk:

@@ -200,11 +200,11 @@ def _sides(
         ends = [(at[j] - at[foot]) * [1, 0, 1] for j in _below(rig, foot)]
         forward += max(ends, key=lambda v: float(np.linalg.norm(v)), default=np.zeros(3))
     across = at[left[0]] - at[right[0]]
-    # up x forward points to the left
-    if np.linalg.norm(forward) < 1e-6 or np.cross([0.0, 1.0, 0.0], forward) @ across < 0:
-        if np.linalg.norm(forward) >= 1e-6 or across[0] < 0:
-            left, right = right, left
-            across = -across
+    # up x forward points to the left; without feet that point anywhere it is taken to face +Z
+    left_is = np.cross([0.0, 1.0, 0.0], forward) if np.linalg.norm(forward) > 1e-6 else np.array([1.0, 0.0, 0.0])
+    if left_is @ across < 0:
+        left, right = right, left
+        across = -across
     if (at[one[-1]] - at[other[-1]]) @ across < 0:
         one, other = other, one
     return left, right, one, other

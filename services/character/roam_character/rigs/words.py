@@ -36,15 +36,23 @@ TRUNK_WORDS = {
     "head": "head", "skull": "head",
 }  # fmt: skip
 # Japanese names of MMD figures, as whole names without their side.
-_JAPANESE = {
-    "肩": ("arm", (SHOULDER,)), "腕": ("arm", (UPPER,)), "ひじ": ("arm", (LOWER,)), "手首": ("arm", (END,)),
-    "足": ("leg", (UPPER,)), "ひざ": ("leg", (LOWER,)), "足首": ("leg", (END,)), "つま先": ("leg", (TIP,)),
-    "上半身": "spine", "上半身2": "spine", "下半身": "pelvis", "首": "neck", "頭": "head",
+_JAPANESE_LIMBS: dict[str, tuple[str, int]] = {
+    "肩": ("arm", SHOULDER), "腕": ("arm", UPPER), "ひじ": ("arm", LOWER), "手首": ("arm", END),
+    "足": ("leg", UPPER), "ひざ": ("leg", LOWER), "足首": ("leg", END), "つま先": ("leg", TIP),
 }  # fmt: skip
+_JAPANESE_TRUNK = {"上半身": "spine", "上半身2": "spine", "首": "neck", "頭": "head"}
 # A joint with one of these words is a helper, a finger, a part of the face or a thing, never one of the 22 bones.
-NOT_BONES = frozenset(
-    ["twist", "roll", "ik", "fk", "pole", "target", "ctrl", "control", "ctl", "handle", "helper", "end", "leaf", "nub", "site", "tip", "effector", "locator", "socket", "slot", "attach", "weapon", "sword", "gun", "shield", "prop", "props", "thumb", "index", "middle", "ring", "pinky", "pinkie", "little", "finger", "fingers", "fingerbase", "metacarpal", "carpal", "eye", "eyes", "eyelid", "brow", "eyebrow", "jaw", "teeth", "tooth", "tongue", "ear", "ears", "lip", "lips", "nose", "cheek", "mouth", "face", "hair", "bang", "bangs", "ponytail", "ribbon", "skirt", "cape", "cloak", "tail", "wing", "breast", "boob", "bust", "pec", "pectoral", "glute", "butt", "buttock", "muscle", "corrective", "adj", "adjust", "bulge", "share", "jiggle", "phys", "dynamic", "mch", "org", "wgt", "vis", "tweak", "parent", "null", "dummy", "trans", "footsteps", "floor", "ground", "camera", "light", "heel", "metatarsal", "metatarsals", "bag", "backpack", "hat", "helmet", "glasses", "belt", "tie", "collarbone_end", "pt", "armor", "armour", "accessory", "bend_helper", "space", "offset", "gizmo", "drv", "stretch", "hipjoint", "front", "hind"]
-)
+_NOT_BONES = """
+    twist roll ik fk pole target ctrl control ctl handle helper end leaf nub site tip effector locator socket
+    slot attach weapon sword gun shield prop props thumb index middle ring pinky pinkie little finger fingers
+    fingerbase metacarpal carpal eye eyes eyelid brow eyebrow jaw teeth tooth tongue ear ears lip lips nose
+    cheek mouth face hair bang bangs ponytail ribbon skirt cape cloak tail wing breast boob bust pec pectoral
+    glute butt buttock muscle corrective adj adjust bulge share jiggle phys dynamic mch org wgt vis tweak parent
+    null dummy trans footsteps floor ground camera light heel metatarsal metatarsals bag backpack hat helmet
+    glasses belt tie collarbone_end pt armor armour accessory bend_helper space offset gizmo drv stretch
+    hipjoint front hind
+"""
+NOT_BONES = frozenset(_NOT_BONES.split())
 _SIDES = {"left": "left", "right": "right", "l": "left", "r": "right", "lft": "left", "rgt": "right", "lf": "left",
           "rt": "right"}  # fmt: skip
 _SAYING = frozenset({*_SIDES, *ARM_WORDS, *LEG_WORDS, *TRUNK_WORDS})
@@ -128,9 +136,7 @@ def _unglue(word: str, side: str) -> tuple[str, list[str]]:
 
 def _japanese(name: str) -> Reading | None:
     side = {"左": "left", "右": "right"}.get(name[:1], "")
-    known = _JAPANESE.get(name[1:] if side else name)
-    if known is None:
-        return None
-    if isinstance(known, str):
-        return Reading(trunk="" if known == "pelvis" else known)
-    return Reading(side=side, limb=known[0], places=known[1])
+    if side and name[1:] in _JAPANESE_LIMBS:
+        limb, place = _JAPANESE_LIMBS[name[1:]]
+        return Reading(side=side, limb=limb, places=(place,))
+    return Reading(trunk=_JAPANESE_TRUNK[name]) if name in _JAPANESE_TRUNK else None
