@@ -14,6 +14,7 @@ import uvicorn
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
 from roam_serving.access import Access
+from roam_serving.channel import SERVER_OPTIONS
 from roam_serving.collector import spare_collector
 from roam_serving.describe import ServerServicer, describe_router
 from roam_serving.health import add_health, add_reflection
@@ -31,13 +32,6 @@ from roam_serving.transport import transport_security
 log = get_log("serving.server")
 
 VERSION = package_version("roam-services")
-_GRPC_OPTIONS = [
-    ("grpc.max_receive_message_length", 8 * MIB),  # inline point clouds; uploads come in chunks
-    ("grpc.so_reuseport", 0),  # a second server on the same port must fail, not share it
-    ("grpc.keepalive_time_ms", 20_000),  # notice clients that vanished without a word
-    ("grpc.keepalive_timeout_ms", 10_000),
-    ("grpc.http2.min_recv_ping_interval_without_data_ms", 5_000),  # let clients do the same
-]
 
 
 @dataclass(frozen=True)
@@ -90,7 +84,7 @@ class Server:
         self._skeletons = SkeletonCatalogue([item for service in services for item in service.skeletons])
         self._grpc = grpc.aio.server(
             interceptors=[RequestInterceptor(self.metrics, self._access, self._tracing)],
-            options=_GRPC_OPTIONS,
+            options=SERVER_OPTIONS,
         )
         self._uvicorn: _Uvicorn
         self._http_task: asyncio.Task[None]

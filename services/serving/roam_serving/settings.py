@@ -25,6 +25,11 @@ class ServerSettings(BaseSettings):
     cors_origin_regex: str = Field(
         r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?", description="web pages that may call, as an expression"
     )
+    allowed_hosts: str = Field(
+        "localhost,127.0.0.1,[::1]",
+        description="names (Host) under which callers may ask, with commas; * for any: keeps out pages whose own name "
+        "leads here",
+    )
     tls_cert: str = Field("", description="certificate chain (PEM); with it both ports speak TLS")
     tls_key: str = Field("", description="private key of the certificate (PEM)")
     tls_client_ca: str = Field("", description="authority (PEM) that clients' certificates must come from: mutual TLS")
