@@ -151,3 +151,35 @@ def test_hips_come_down_where_broad_hips_keep_the_legs_from_the_floor():
     heights = clip.positions()[:, FEET, 1]
     for index in range(2):
         assert heights[contacts[:, 2 * index], index].max() < ankle_height(broad) + 0.01
+
+
+def test_the_ball_stays_while_the_heel_is_up():
+    own = body(0.9)
+    offsets = own.rest_offsets.copy()
+    offsets[own.indices(["leftToes", "rightToes"]), 2] *= 0.6  # short feet
+    short = replace(own, rest_offsets=offsets)
+    frames, angle = 40, np.zeros((40, 22, 3))
+    lift = 0.6 * np.sin(np.linspace(0, np.pi, frames)) ** 2
+    angle[:, FIGURE.index("leftFoot"), 0] = lift
+    length = FIGURE.rest_offsets[FIGURE.index("leftToes")]
+    roots = np.tile(np.array([0, 0.9, 3.0], np.float32), (frames, 1))
+    clip = Clip(FIGURE, 30.0, roots, quat_from_rotvec(angle).astype(np.float32))
+    from roam_character.kinematics import forward_kinematics, limb, reach_with_limb
+    from roam_character.rotation import quat_inv, quat_mul, quat_rotate
+
+    which = limb(FIGURE, "leftLeg")
+    turn = quat_from_rotvec(angle[:, which.end])
+    ball = np.array([0.09, 0.0255, 3.125])
+    ankle = ball - quat_rotate(turn, np.broadcast_to(length.astype(float), (frames, 3)))
+    rotations = clip.rotations.copy()
+    for _ in range(3):
+        posture = forward_kinematics(FIGURE, roots, rotations)
+        rotations[:, list(which)] = reach_with_limb(FIGURE, which, posture, ankle.astype(np.float32))
+        above = forward_kinematics(FIGURE, roots, rotations).orientations[:, which.lower]
+        rotations[:, which.end] = quat_mul(quat_inv(above), turn.astype(np.float32))
+    contacts = np.ones((frames, 4), bool)
+    contacts[1:-1, 0] = False
+    performance = Performance(replace(clip, rotations=rotations), contacts, seated(FIGURE), 0.0)
+    moved, _ = onto_body(performance, seated(short))
+    toes = moved.positions()[:, short.index("leftToes")]
+    assert np.ptp(toes[:, [0, 2]], axis=0).max() < 0.004

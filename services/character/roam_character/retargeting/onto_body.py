@@ -21,6 +21,7 @@ from roam_character.skeleton import Skeleton
 # hips are 0.42 m or more from it, so all of sitting down is used and none of walking.
 _NEAR = 0.40
 _THERE = 0.02
+_FADE = 0.7  # of a shift from frame to frame in the air: a swing of 12 frames leaves 1 % of it
 _HANGS = 0.04  # of the leg: a foot higher above where it stands in the goal pose hangs (goal poses stand within 3 cm)
 _SIDES = ("left", "right")
 
@@ -158,9 +159,37 @@ class _Feet:
             turn = quat_mul(own.orientations[foot], quat_inv(resting[foot]))
             turns.append(quat_mul(_part(turn[None], taken)[:, 0], figure[:, foot]))
             lifted.append((taken > 0.02) if hangs else np.zeros(len(clip), bool))
-        self.targets = np.stack(targets, axis=1)  # [T, 2, 3] of the ankles
         self.turns = np.stack(turns, axis=1)  # [T, 2, 4] world orientations
         self.lifted = np.stack(lifted, axis=1)  # [T, 2] off the floor though the figure's foot stands
+        contacts = performance.contacts & ~np.repeat(self.lifted, 2, axis=1)
+        for index, side in enumerate(_SIDES):
+            ball = quat_rotate(
+                turns[index], np.broadcast_to(body.rest_offsets[body.index(f"{side}Toes")], (len(clip), 3))
+            )
+            shift = _ball_shift(targets[index], ball, *contacts[:, 2 * index : 2 * index + 2].T)
+            targets[index] = targets[index] + shift * (1 - nearness)[:, None]
+        self.targets = np.stack(targets, axis=1)  # [T, 2, 3] of the ankles
+
+
+def _ball_shift(ankles: np.ndarray, balls: np.ndarray, ankle_down: np.ndarray, ball_down: np.ndarray) -> np.ndarray:
+    """What ankles [T, 3] must be moved by so that the ball stays where it is while the heel is up.
+
+    `balls` [T, 3] are from the ankle to the ball. A foot of other length than the figure's would slide on its ball. The
+    shift fades in the air.
+    """
+    shift = np.zeros_like(ankles)
+    anchor: np.ndarray | None = None
+    for frame in range(1, len(ankles)):
+        before = shift[frame - 1]
+        if not ball_down[frame]:
+            anchor = None
+            shift[frame] = before if ankle_down[frame] else before * _FADE
+        elif ankle_down[frame] or anchor is None:
+            shift[frame] = before if ankle_down[frame] else before * _FADE
+            anchor = ankles[frame] + balls[frame] + shift[frame]
+        else:
+            shift[frame] = anchor - balls[frame] - ankles[frame]
+    return shift
 
 
 def _within_reach(
