@@ -15,6 +15,7 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,9 @@ from roam_character.rigs.mapping import BoneMap, map_bones
 from roam_character.rigs.reading import RIG_READERS, read_rig
 from roam_character.rigs.rig import HUMANOID_BONES, Rig, RigError
 from roam_character.rotation import quat_angle, quat_inv, quat_mul
+from roam_goalpose.references.bodies import fitted
+from roam_goalpose.references.pairs import ReferencePair
+from roam_goalpose.synthesis import Synthesizer
 
 CONTACTS = ("hips", "leftHand", "rightHand", "leftFoot", "rightFoot", "leftToes", "rightToes")
 
@@ -98,11 +102,13 @@ def _compare(
 
 def _poses(measured: Fit) -> Iterator[Pose]:
     """The shipped reference poses, as this body would hold them."""
-    from roam_goalpose.references.bodies import fitted
-    from roam_goalpose.synthesis import Synthesizer
-
-    for pair in Synthesizer.load().references.values():
+    for pair in _references():
         yield fitted(pair, measured.skeleton).pose
+
+
+@cache
+def _references() -> tuple[ReferencePair, ...]:
+    return tuple(Synthesizer.load().references.values())
 
 
 def _round_trip(measured: Fit, pose: Pose) -> tuple[float, float]:

@@ -5,6 +5,7 @@ ratio of hips heights, so a motion made for a character fits that character and 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from roam_character.clip import Clip
 from roam_character.formats.gltf_document import GltfDocument
 from roam_character.formats.registry import Format
 from roam_character.formats.scene import Scene
-from roam_character.retargeting.onto_rig import continuous
+from roam_character.retargeting.onto_rig import RigMotion, continuous
 from roam_character.retargeting.rig_clip import rig_clip
 
 _LENGTH = 2.0  # [s] of a still pose: some players show nothing of a clip without length
@@ -51,9 +52,17 @@ def vrma_document(clip: Clip) -> GltfDocument:
     return document
 
 
+def _own_height(motion: RigMotion) -> Clip:
+    """The character's bones; its hips rest as high as in its file, so that readers' ratio of heights is 1 on it."""
+    clip, fit = rig_clip(motion, bones_only=True), motion.fit
+    offsets = clip.skeleton.rest_offsets.copy()
+    offsets[0, 1] = fit.rig.rest[fit.bones["hips"], 1, 3] * fit.scale
+    return replace(clip, skeleton=replace(clip.skeleton, rest_offsets=offsets))
+
+
 def write(path: Path, scene: Scene) -> Sequence[str]:
     """Writes the bones of a scene. A still pose is held for two seconds."""
-    clip = scene.clip if scene.character is None else rig_clip(scene.character, bones_only=True)
+    clip = scene.clip if scene.character is None else _own_height(scene.character)
     if len(clip) == 1:
         roots, turns = (np.repeat(a, 2, axis=0) for a in (clip.root_positions, clip.rotations))
         clip = Clip(clip.skeleton, 1 / _LENGTH, roots, turns)
