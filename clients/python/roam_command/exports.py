@@ -8,6 +8,7 @@ from roam_client import GoalPose, Motion, Object
 from roam_client.objects import format_of
 
 from roam_command.character import Character, own_skeleton
+from roam_command.installation import INSTALL
 from roam_command.reports import UsageError, stderr
 
 if TYPE_CHECKING:
@@ -152,5 +153,5 @@ def _needed(path: Path, module: str) -> Any:
     except ModuleNotFoundError as error:
         raise UsageError(
             f"writing {path.name} needs the services' exporters, and {error.name} is not installed",
-            remedy="Write .npz or .json, or install the services: scripts/install in a checkout.",
+            remedy=f"Write .npz or .json, or {INSTALL}.",
         ) from error
