@@ -78,7 +78,7 @@ def test_a_folder_from_end_to_end_and_again(shelf: Path, tmp_path: Path):
     }
     assert first["chairs/broken.glb"]["reason"] == "OBJECT_MALFORMED"
     assert first["chairs/chair.glb"]["hip_seat_distance"] < 0.08
-    with np.load(out / "chairs/chair.glb.npz", allow_pickle=False) as saved:
+    with np.load(out / "chairs/chair.pose.npz", allow_pickle=False) as saved:
         assert saved["rotations"].shape == (22, 4)
     ledger = (out / "batch.jsonl").read_text().splitlines()
     assert [json.loads(line)["file"] for line in ledger] == list(first)
@@ -102,12 +102,12 @@ def test_what_is_done_is_told_by_content_and_options(shelf: Path, tmp_path: Path
     out.mkdir()
     chair = shelf / "chairs/chair.glb"
     (out / "chairs").mkdir()
-    (out / "chairs/chair.glb.npz").touch()
+    (out / "chairs/chair.pose.npz").touch()
     record = {
         "file": "chairs/chair.glb",
         "status": "done",
         "content": digest_of(chair.read_bytes()),
-        "order": vars(ORDER),
+        "order": ORDER.record(),
     }
     record["pose"] = digest_of(b"")
     (out / "batch.jsonl").write_text(json.dumps(record) + "\n")
@@ -187,7 +187,7 @@ def test_a_file_that_cannot_be_read_fails_alone(tmp_path: Path):
 
 
 def test_poses_inside_the_folder_are_no_furniture(shelf: Path):
-    files(shelf, {"poses/chair.glb.glb": b"x"})
+    files(shelf, {"poses/chair.pose.glb": b"x"})
     found = command.furniture_files(shelf, shelf / "poses")
     assert [path.name for path in found] == ["broken.glb", "chair.glb", "flat.stl"]
 

@@ -2,7 +2,8 @@
 
 import json
 import os
-from dataclasses import asdict
+from collections import Counter
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from roam_client import GoalPose, Object, RoamError
 from roam_client.skeleton import Skeleton
 
 from roam_command.batch_work import Order, Outcome, digest_of
+from roam_command.character import Character
 from roam_command.exports import write_pose
 from roam_command.pose import goal_pose_figures
 
@@ -24,17 +26,32 @@ class Ending(StrEnum):
     NPZ = "npz"
     JSON = "json"
     GLB = "glb"
+    BVH = "bvh"
+    VRMA = "vrma"
+    USDZ = "usdz"
+    FBX = "fbx"
+    CSV = "csv"
 
 
 class Ledger:
     """What was done, in OUT/batch.jsonl: the newest line of a file counts."""
 
-    def __init__(self, output: Path, folder: Path, order: Order, ending: Ending) -> None:
+    def __init__(
+        self,
+        output: Path,
+        folder: Path,
+        order: Order,
+        ending: Ending,
+        sources: Sequence[Path],
+        character: Character | None = None,
+    ) -> None:
         output.mkdir(parents=True, exist_ok=True)
+        self._character = character
+        self._alike = Counter(source.with_suffix("") for source in sources)
         self._folder = folder
         self._output = output
         self._ending = ending
-        self._order = asdict(order)
+        self._order = order.record()
         self._path = output / LEDGER
         self._records: dict[str, dict[str, Any]] = {}
         text = self._path.read_text() if self._path.exists() else ""
@@ -51,8 +68,10 @@ class Ledger:
             return
 
     def target(self, source: Path) -> Path:
-        """Where the pose of a file goes: beside its like, the ending added so that no two files share it."""
-        return self._output / f"{self._name(source)}.{self._ending}"
+        """Where the pose of a file goes: sofa.glb gets sofa.pose.npz, and sofa.glb.pose.npz beside a sofa.obj."""
+        alone = self._alike[source.with_suffix("")] < 2
+        name = source.relative_to(self._folder)
+        return self._output / f"{(name.with_suffix('') if alone else name).as_posix()}.pose.{self._ending}"
 
     def has(self, source: Path) -> bool:
         """Whether the same content was done with the same options, and the pose in its place is the one made then."""
@@ -91,7 +110,7 @@ class Ledger:
         target = self.target(source)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            write_pose(target, goal, source=source, object=place)
+            write_pose(target, goal, source=source, object=place, character=self._character)
         except (OSError, ValueError, RoamError) as error:
             said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             return {"status": "failed", "reason": "NOT_SAVED", "message": said}

@@ -1,12 +1,13 @@
 """One object of a batch, in whatever process an engine runs it: bytes in, a goal pose or a reason out."""
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from roam_character.skeleton import Skeleton
     from roam_goalpose.objects.isolation import IsolatedLoader
     from roam_goalpose.synthesis import Synthesizer
 
@@ -20,6 +21,14 @@ class Order:
     seed: int
     unit: str | None
     up: str | None
+    character: str = ""  # which character, with its map and height: "sha256:…"; "" for the default figure
+    body: bytes = b""  # skeleton_pb2.Skeleton of the character
+
+    def record(self) -> dict[str, Any]:
+        """What the ledger remembers of it: everything but the body, which the character's mark stands for."""
+        found = asdict(self)
+        del found["body"]
+        return found if self.character else {k: v for k, v in found.items() if k != "character"}
 
 
 @dataclass(frozen=True)
@@ -55,8 +64,10 @@ def _made(data: bytes, format: str, order: Order) -> Outcome:
     from roam_goalpose.service.queries import StoredObject, goal_pose_of
     from roam_goalpose.synthesis import GoalPoseRequest, RequestError
 
-    request = GoalPoseRequest(reference=order.reference, action=order.action, seed=order.seed)
     try:
+        request = GoalPoseRequest(
+            reference=order.reference, action=order.action, seed=order.seed, skeleton=_body(order.body)
+        )
         loader, synthesizer = _loader(), _synthesizer()
         started = perf_counter()
         shape = loader.load(data, format, unit=order.unit, up=order.up)
@@ -72,6 +83,15 @@ def _made(data: bytes, format: str, order: Order) -> Outcome:
         goal_pose=goal_pose_message(goal_pose_of(result, shape, request)).SerializeToString(),
         seconds=perf_counter() - started,
     )
+
+
+@cache
+def _body(message: bytes) -> "Skeleton | None":
+    """The skeleton of the character."""
+    from roam.v1 import skeleton_pb2
+    from roam_goalpose.api.requests import skeleton_from_message
+
+    return skeleton_from_message(skeleton_pb2.Skeleton.FromString(message)) if message else None
 
 
 @cache
