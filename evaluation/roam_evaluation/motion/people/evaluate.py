@@ -1,0 +1,112 @@
+"""`roam evaluate motion --people`: does the product move like people?
+
+The same measures, by the same code, of the product and of captured people that no training saw; then a verdict.
+
+    roam evaluate motion --people --objects DIR [--mocap DIR] [--quick] [--json FILE] [--table FILE.md]
+"""
+
+import argparse
+import json
+import platform
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from roam_motion.animator import Animator
+
+from roam_evaluation.goalpose.objects import find_objects, spread
+from roam_evaluation.motion.goals import make_goals
+from roam_evaluation.motion.people import performed
+from roam_evaluation.motion.people.activities import ACTIVITIES
+from roam_evaluation.motion.people.captured import Captured, read_captured
+from roam_evaluation.motion.people.frames import Motion
+from roam_evaluation.motion.people.report import as_json, table
+from roam_evaluation.motion.people.storage import read_motions, write_motions
+from roam_evaluation.motion.people.verdict import Verdict, judge, summary
+
+_ROOT = Path(__file__).parents[4]
+SHIPPED = _ROOT / "weights" / "motion.safetensors"
+MOCAP = _ROOT.parent / "shared" / "mocap"
+
+
+def parse(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        prog="roam evaluate motion --people", description="measures of the product beside those of captured people"
+    )
+    parser.add_argument("--people", action="store_true", help="(what brought you here)")
+    parser.add_argument("--objects", type=Path, action="append", default=[], help="folder of meshes (repeatable)")
+    parser.add_argument("--mocap", type=Path, default=MOCAP, help="motion-capture folder with HELDOUT.txt")
+    parser.add_argument("--weights", type=Path, default=SHIPPED)
+    parser.add_argument("--poses", type=Path, help="folder where synthesised goal poses are remembered")
+    parser.add_argument("--approaches", type=int, help="how many (default 48, quick 10)")
+    parser.add_argument("--seeds", type=int, help="of every steered scene (default 12, quick 4)")
+    parser.add_argument("--quick", action="store_true", help="fewer of everything: under two minutes on one core")
+    parser.add_argument("--only", help="comma-separated activities, by key; scenes they do not need are left out")
+    parser.add_argument("--record", type=Path, help="keep the product's frames here (.npz)")
+    parser.add_argument("--recorded", type=Path, help="measure frames kept before, of this or another build")
+    parser.add_argument("--json", type=Path, help="write all figures here")
+    parser.add_argument("--table", type=Path, help="write the readable table here (Markdown)")
+    return parser.parse_args(argv)
+
+
+def perform(options: argparse.Namespace, keys: Sequence[str]) -> list[Motion]:
+    """The product's frames of all scenes that the activities need."""
+    animator = Animator.load(options.weights)
+    seeds = range(options.seeds or (4 if options.quick else 12))
+    scenes = []
+    if any(key.startswith("walk_") for key in keys):
+        scenes += performed.steered(performed.WALKS, seeds)
+    if "turn" in keys:
+        scenes += performed.on_the_spot(performed.TURNS, seeds)
+    motions = performed.perform(animator, scenes)
+    if {"walk_approach", "sit_down", "stand_up", "seated"} & set(keys):
+        count = options.approaches or (10 if options.quick else 48)
+        objects = spread(find_objects(options.objects, held_out=(), categories=None), count)
+        goals = make_goals(objects, action="sit", remembered=options.poses)
+        motions += performed.approaches(animator, goals, count)
+    return motions
+
+
+def verdicts(motions: Sequence[Motion], captured: Captured, keys: Sequence[str]) -> list[Verdict]:
+    """Every measure of the chosen activities, judged."""
+    found: list[Verdict] = []
+    for activity in ACTIVITIES:
+        if activity.key in keys:
+            groups = activity.made(motions), activity.captured(captured.held_out), activity.captured(captured.training)
+            found += judge(activity, *groups)
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the evaluation; 0 when it ran, whatever the figures."""
+    options = parse(argv)
+    torch.set_num_threads(1)
+    begun = time.monotonic()
+    keys = options.only.split(",") if options.only else [activity.key for activity in ACTIVITIES]
+    captured = read_captured(options.mocap)
+    motions = read_motions(options.recorded) if options.recorded else perform(options, keys)
+    if options.record:
+        write_motions(options.record, motions)
+    found = verdicts(motions, captured, keys)
+    text = table(found, ACTIVITIES)
+    print(text)
+    report = {
+        "summary": summary(found),
+        "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
+        "seconds": round(time.monotonic() - begun, 1),
+        "quick": options.quick,
+        "weights": options.weights.name,
+        "measures": as_json(found),
+    }
+    print(json.dumps({"summary": report["summary"], "seconds": report["seconds"]}))
+    for path, content in ((options.json, json.dumps(report, indent=1)), (options.table, text)):
+        if path:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(content + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
