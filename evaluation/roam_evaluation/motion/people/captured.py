@@ -1,17 +1,25 @@
 """Captured people: clips of a motion-capture folder on the humanoid skeleton at 30 Hz, held-out ones and the others."""
 
 import csv
+import hashlib
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from roam_character import retarget as retargeting
 from roam_character.formats.bvh import read_bvh
 from roam_character.retarget import RetargetError, retarget
 
 from roam_evaluation.motion.people.frames import RATE, SKELETON, Motion, Stretch
+from roam_evaluation.motion.people.storage import read_motions, write_motions
 
 # Folders of clips as captured. Composed, adapted and looped ones (derived_…, …_loop) are no measure of people.
 FOLDERS = ("cmu_footlock", "cmu_more_footlock", "hdm05_footlock", "reactidle_footlock")
+
+
+_VERSION = 1  # of what is remembered
+_SOURCES = b"".join(Path(str(file)).read_bytes() for file in (retargeting.__file__, __file__))
 
 
 @dataclass(frozen=True)
@@ -29,14 +37,14 @@ class Captured:
 
 def held_out_prefixes(root: Path) -> tuple[str, ...]:
     """Prefixes of file names that no training may use, from HELDOUT.txt."""
+    if not (root / "HELDOUT.txt").exists():
+        raise FileNotFoundError(f"{root} holds no HELDOUT.txt; give the motion-capture folder with --mocap")
     lines = (root / "HELDOUT.txt").read_text().splitlines()
     return tuple(line.strip() for line in lines if line.strip() and not line.startswith("#"))
 
 
 def read_captured(root: Path, *, only_held_out: bool = False, folders: tuple[str, ...] = FOLDERS) -> Captured:
     """The clips under `root`/`folders`. FileNotFoundError with advice when HELDOUT.txt is missing."""
-    if not (root / "HELDOUT.txt").exists():
-        raise FileNotFoundError(f"{root} holds no HELDOUT.txt; give the motion-capture folder with --mocap")
     prefixes = held_out_prefixes(root)
     out = Captured([], [])
     for folder in (root / name for name in folders):
@@ -48,6 +56,21 @@ def read_captured(root: Path, *, only_held_out: bool = False, folders: tuple[str
                 if motion is not None:
                     (out.held_out if held else out.training).append(motion)
     return out
+
+
+def cached_captured(root: Path, cache: Path) -> Captured:
+    """`read_captured`, remembered in a folder until files or the retargeting change."""
+    key = hashlib.sha256(_SOURCES)
+    key.update(json.dumps([_VERSION, SKELETON.id, *held_out_prefixes(root)]).encode())
+    for folder in (root / name for name in FOLDERS):
+        for path in sorted([*folder.glob("*.bvh"), *folder.glob("*.csv"), *root.glob("*.csv")]):
+            key.update(f"{path} {path.stat().st_size} {path.stat().st_mtime_ns}".encode())
+    files = [cache / f"captured-{key.hexdigest()[:12]}-{part}.npz" for part in ("held-out", "training")]
+    if not all(path.exists() for path in files):
+        found = read_captured(root)
+        for path, motions in zip(files, (found.held_out, found.training), strict=True):
+            write_motions(path, motions)
+    return Captured(*(read_motions(path) for path in files))
 
 
 def _read(path: Path, rows: list[tuple[int, int, str]]) -> Motion | None:

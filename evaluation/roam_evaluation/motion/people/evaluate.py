@@ -10,6 +10,7 @@ import json
 import platform
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import torch
@@ -19,11 +20,12 @@ from roam_evaluation.goalpose.objects import find_objects, spread
 from roam_evaluation.motion.goals import make_goals
 from roam_evaluation.motion.people import performed
 from roam_evaluation.motion.people.activities import ACTIVITIES
-from roam_evaluation.motion.people.captured import Captured, read_captured
+from roam_evaluation.motion.people.captured import Captured, cached_captured
 from roam_evaluation.motion.people.frames import Motion
-from roam_evaluation.motion.people.report import as_json, table
+from roam_evaluation.motion.people.report import as_json, table, targets_table
 from roam_evaluation.motion.people.storage import read_motions, write_motions
-from roam_evaluation.motion.people.verdict import Verdict, judge, summary
+from roam_evaluation.motion.people.targets import targets
+from roam_evaluation.motion.people.verdict import Verdict, judge, people_range, summary
 
 _ROOT = Path(__file__).parents[4]
 SHIPPED = _ROOT / "weights" / "motion.safetensors"
@@ -56,17 +58,32 @@ def perform(options: argparse.Namespace, keys: Sequence[str]) -> list[Motion]:
     animator = Animator.load(options.weights)
     seeds = range(options.seeds or (4 if options.quick else 12))
     scenes = []
-    if any(key.startswith("walk_") for key in keys):
+    if {"walk_0.9", "walk_1.2", "walk_1.5", "start", "stop", "feet", "variety_walk"} & set(keys):
         scenes += performed.steered(performed.WALKS, seeds)
+    if "run" in keys:
+        scenes += performed.steered(performed.RUNS, seeds)
+    if "idle" in keys:
+        scenes += performed.standing(seeds)
     if "turn" in keys:
         scenes += performed.on_the_spot(performed.TURNS, seeds)
     motions = performed.perform(animator, scenes)
-    if {"walk_approach", "sit_down", "stand_up", "seated"} & set(keys):
-        count = options.approaches or (10 if options.quick else 48)
-        objects = spread(find_objects(options.objects, held_out=(), categories=None), count)
-        goals = make_goals(objects, action="sit", remembered=options.poses)
-        motions += performed.approaches(animator, goals, count)
+    if {"walk_approach", "feet", "sit_down", "stand_up", "seated", "variety_sit"} & set(keys):
+        motions += approach(animator, options, "sit", options.approaches or (10 if options.quick else 48))
+    if "lie_down" in keys:
+        motions += approach(animator, options, "lie", max(4, (options.approaches or 16) // 3))
     return motions
+
+
+def approach(animator: Animator, options: argparse.Namespace, action: str, count: int) -> list[Motion]:
+    """Approaches to objects spread over the folders'; beds and sofas to lie on."""
+    categories = {"bed", "sofa", "lounger"} if action == "lie" else None
+    # Every object twice, with two seeds.
+    objects = spread(find_objects(options.objects, held_out=(), categories=categories), (count + 1) // 2)
+    goals = make_goals(objects, action=action, remembered=options.poses)
+    if not goals:
+        print(f"no objects to {action} on; give a folder of furniture with --objects")
+        return []
+    return performed.approaches(animator, goals, count)
 
 
 def verdicts(motions: Sequence[Motion], captured: Captured, keys: Sequence[str]) -> list[Verdict]:
@@ -85,21 +102,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     torch.set_num_threads(1)
     begun = time.monotonic()
     keys = options.only.split(",") if options.only else [activity.key for activity in ACTIVITIES]
-    captured = read_captured(options.mocap)
+    captured = cached_captured(options.mocap, _ROOT / "runs" / "people")
     motions = read_motions(options.recorded) if options.recorded else perform(options, keys)
     if options.record:
         write_motions(options.record, motions)
     found = verdicts(motions, captured, keys)
     text = table(found, ACTIVITIES)
-    print(text)
+    kept = targets(motions, people_range(found, "sit_down", "balance_half_down"))
+    text += "\n\n" + targets_table(kept)
     report = {
         "summary": summary(found),
+        "targets": [asdict(target) for target in kept],
         "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
         "seconds": round(time.monotonic() - begun, 1),
         "quick": options.quick,
         "weights": options.weights.name,
         "measures": as_json(found),
     }
+    print(text)
     print(json.dumps({"summary": report["summary"], "seconds": report["seconds"]}))
     for path, content in ((options.json, json.dumps(report, indent=1)), (options.table, text)):
         if path:

@@ -18,6 +18,7 @@ WALKS = (0.6, 0.9, 1.2, 1.5, 1.8)  # [m/s]
 RUNS = (2.2, 2.8, 3.4)
 TURNS = (90, 135, 180)  # [degrees]
 _STAND, _GO, _HALT = 45, 270, 120  # frames of a steered walk
+GOING = slice(_STAND, _STAND + _GO)  # the frames in which it is told to walk
 _TURN = 150  # frames to turn in
 _APPROACH = {"sit": 300, "lie": 450}  # frames until the goal must be reached
 _HOLD = {"sit": 300, "lie": 150}  # frames that the goal is then held

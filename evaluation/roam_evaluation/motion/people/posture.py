@@ -30,6 +30,7 @@ _SEGMENTS = (
 )
 _TRUNK, _HEAD_AND_NECK = 0.497, 0.081
 _SLOW = 0.45  # [m/s] a joint of a foot in contact is slower
+_LEVEL = 0.7  # a foot has a heading while this share of its length is level: pitched less than 45 degrees
 _LOW = 0.05  # [m] and lower than this over the lowest twentieth of its heights
 
 
@@ -79,12 +80,12 @@ def speed(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.gradient(points, axis=0), axis=-1) * RATE
 
 
-def joint_contacts(positions: np.ndarray) -> np.ndarray:
+def joint_contacts(positions: np.ndarray, *, slower: float = _SLOW) -> np.ndarray:
     """Contacts [T, 2, 2] bool of (left, right) x (ankle, toe joint): slower than 0.45 m/s and within 5 cm of the
-    lowest twentieth of the joint's own heights."""
+    lowest twentieth of the joint's own heights. Runners' feet need a faster limit."""
     points = np.stack([positions[:, ANKLES], positions[:, TOES]], 2)  # [T, side, ankle or toes, 3]
     height = points[..., 1]
-    return np.asarray((speed(points) < _SLOW) & (height < np.quantile(height, 0.05, axis=0) + _LOW))
+    return np.asarray((speed(points) < slower) & (height < np.quantile(height, 0.05, axis=0) + _LOW))
 
 
 def contacts(positions: np.ndarray) -> np.ndarray:
@@ -93,9 +94,15 @@ def contacts(positions: np.ndarray) -> np.ndarray:
 
 
 def twist(motion: Motion) -> np.ndarray:
-    """Angle between each foot and the pelvis [T, 2] [degrees], not negative."""
+    """Angle between each foot and the pelvis [T, 2] [degrees], not negative.
+
+    NaN where a foot points so steeply down or up, as at toe-off, that it has no heading.
+    """
     apart = motion.feet - motion.pelvis[:, None]
-    return np.abs(np.degrees((apart + np.pi) % (2 * np.pi) - np.pi))
+    angle = np.abs(np.degrees((apart + np.pi) % (2 * np.pi) - np.pi))
+    foot = motion.positions[:, TOES] - motion.positions[:, ANKLES]
+    level = np.linalg.norm(foot[..., [0, 2]], axis=-1) / np.linalg.norm(foot, axis=-1)
+    return np.where(level > _LEVEL, angle, np.nan)
 
 
 def jerk(positions: np.ndarray) -> float:

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from roam_evaluation.motion.people.activities import Activity
+from roam_evaluation.motion.people.targets import Target
 from roam_evaluation.motion.people.verdict import Spread, Verdict, summary
 
 
@@ -50,6 +51,14 @@ def table(verdicts: Sequence[Verdict], activities: Sequence[Activity]) -> str:
     return "\n".join(lines).lstrip("\n")
 
 
+def targets_table(targets: Sequence[Target]) -> str:
+    """Markdown table of figures that have limits of their own."""
+    rows = [
+        f"| {t.title} | {_short(t.value)} {t.unit} | {t.limit} | {'yes' if t.kept else '**no**'} |" for t in targets
+    ]
+    return "\n".join(["### Asked of the product", "", "| | product | asked | kept |", "|---|---|---|---|", *rows])
+
+
 _HEAD = (
     "| | product 5 / 50 / 95 % | people, held out | people, training clips | verdict |",
     "|---|---|---|---|---|",
@@ -87,4 +96,4 @@ def _words(v: Verdict) -> str:
     mark = "" if v.which == "held-out" else " †"
     if v.outside is None:
         return f"NOT MEASURABLE{mark}"
-    return f"inside{mark}" if v.inside else f"**OUT by {v.outside:.2f}**{mark}"
+    return f"inside{mark}" if v.inside else f"**OUT by {max(v.outside, 0.01):.2f}**{mark}"

@@ -50,10 +50,10 @@ def measure(turn: Turn) -> dict[str, float]:
     rate = np.abs(smooth(np.gradient(motion.pelvis) * RATE, 9))
     balance = motion.ahead(np.stack([centre_of_mass(motion.positions), motion.positions[:, ANKLES].mean(1)], 1))
     return {
-        "twist_median": float(np.median(twisted)),
-        "twist_p99": float(np.quantile(twisted, 0.99)),
-        "twist_most": float(twisted.max()),
-        "twist_at_end": float(twisted[-1].max()),
+        "twist_median": float(np.nanmedian(twisted)),
+        "twist_p99": float(np.nanquantile(twisted, 0.99)),
+        "twist_most": float(np.nanmax(twisted)),
+        "twist_at_end": float(np.nanmax(twisted[-3:])),
         "steps_per_quarter": 90 * count / angle,
         "turn_rate": float(np.degrees(rate.mean())),
         "turn_rate_peak": float(np.degrees(rate.max())),

@@ -73,6 +73,14 @@ def judge(
     return found
 
 
+def people_range(verdicts: Sequence[Verdict], activity: str, key: str) -> tuple[float, float] | None:
+    """People's 5th and 95th percentile of a measure; None where it is not known."""
+    for v in verdicts:
+        if v.activity == activity and v.measure.key == key and v.people:
+            return v.people.low, v.people.high
+    return None
+
+
 def summary(verdicts: Sequence[Verdict]) -> dict[str, float]:
     """Share of judged measures inside people's range, and the farthest outside. Measures that people themselves
     cannot be measured by do not count; those that only the product cannot do count as outside."""
