@@ -20,15 +20,18 @@ from roam_evaluation.goalpose.objects import find_objects, spread
 from roam_evaluation.motion.goals import make_goals
 from roam_evaluation.motion.people import performed
 from roam_evaluation.motion.people.activities import ACTIVITIES
+from roam_evaluation.motion.people.blind import blind_test
 from roam_evaluation.motion.people.captured import Captured, cached_captured
 from roam_evaluation.motion.people.frames import Motion
-from roam_evaluation.motion.people.report import as_json, table, targets_table
+from roam_evaluation.motion.people.pictures import draw
+from roam_evaluation.motion.people.report import as_json, blind_table, table, targets_table
 from roam_evaluation.motion.people.storage import read_motions, write_motions
 from roam_evaluation.motion.people.targets import targets
 from roam_evaluation.motion.people.verdict import Verdict, judge, people_range, summary
 
 _ROOT = Path(__file__).parents[4]
 SHIPPED = _ROOT / "weights" / "motion.safetensors"
+_CACHE = _ROOT / "runs" / "people"
 MOCAP = _ROOT.parent / "shared" / "mocap"
 
 
@@ -46,8 +49,10 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, help="of every steered scene (default 12, quick 4)")
     parser.add_argument("--quick", action="store_true", help="fewer of everything: under two minutes on one core")
     parser.add_argument("--only", help="comma-separated activities, by key; scenes they do not need are left out")
+    parser.add_argument("--no-blind", action="store_true", help="leave the blind test out")
     parser.add_argument("--record", type=Path, help="keep the product's frames here (.npz)")
     parser.add_argument("--recorded", type=Path, help="measure frames kept before, of this or another build")
+    parser.add_argument("--draw", type=Path, help="draw filmstrips and videos into this folder instead")
     parser.add_argument("--json", type=Path, help="write all figures here")
     parser.add_argument("--table", type=Path, help="write the readable table here (Markdown)")
     return parser.parse_args(argv)
@@ -101,8 +106,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parse(argv)
     torch.set_num_threads(1)
     begun = time.monotonic()
+    if options.draw:
+        people = cached_captured(options.mocap, _CACHE) if options.mocap.exists() else None
+        draw(Animator.load(options.weights), options.objects, options.poses, options.draw, people)
+        return 0
     keys = options.only.split(",") if options.only else [activity.key for activity in ACTIVITIES]
-    captured = cached_captured(options.mocap, _ROOT / "runs" / "people")
+    captured = cached_captured(options.mocap, _CACHE)
     motions = read_motions(options.recorded) if options.recorded else perform(options, keys)
     if options.record:
         write_motions(options.record, motions)
@@ -110,9 +119,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     text = table(found, ACTIVITIES)
     kept = targets(motions, people_range(found, "sit_down", "balance_half_down"))
     text += "\n\n" + targets_table(kept)
+    told_apart = [] if options.no_blind else blind_test(motions, captured.held_out, captured.training)
+    text += "\n\n" + blind_table(told_apart) if told_apart else ""
     report = {
         "summary": summary(found),
         "targets": [asdict(target) for target in kept],
+        "blind_test": [asdict(blind) for blind in told_apart],
         "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
         "seconds": round(time.monotonic() - begun, 1),
         "quick": options.quick,

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from roam_evaluation.motion.people.activities import Activity
+from roam_evaluation.motion.people.blind import LIMIT, Blind
 from roam_evaluation.motion.people.targets import Target
 from roam_evaluation.motion.people.verdict import Spread, Verdict, summary
 
@@ -57,6 +58,17 @@ def targets_table(targets: Sequence[Target]) -> str:
         f"| {t.title} | {_short(t.value)} {t.unit} | {t.limit} | {'yes' if t.kept else '**no**'} |" for t in targets
     ]
     return "\n".join(["### Asked of the product", "", "| | product | asked | kept |", "|---|---|---|---|", *rows])
+
+
+def blind_table(found: Sequence[Blind]) -> str:
+    """Markdown table of the blind test."""
+    rows = [
+        f"| {b.kind} | {b.accuracy:.0f} % | <= {LIMIT:.0f} % | {'–' if b.control is None else f'{b.control:.0f} %'} | "
+        f"{b.product} of {b.seeds} seeds, {b.people} of {b.persons} persons |"
+        for b in found
+    ]
+    head = "| | product told from people | asked | people from other people | windows of 1 s |"
+    return "\n".join(["### Blind test (50 % is guessing)", "", head, "|---|---|---|---|---|", *rows])
 
 
 _HEAD = (

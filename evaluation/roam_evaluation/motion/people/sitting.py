@@ -155,11 +155,16 @@ def measure_up(sit: Sit) -> dict[str, float] | None:
     }
 
 
-def measure_seated(sit: Sit) -> list[dict[str, float]]:
-    """Spreads within every 2 s of sitting, from a second after the seat is touched to a second before it is left."""
+def seated(sit: Sit) -> tuple[int, int]:
+    """Frames from a second after the seat is touched to a second before it is left."""
     down, up = way_down(sit), way_up(sit)
     first = max((down.touch if down else 0) + 30, sit.first)
-    last = min((up.touch if up else len(sit.motion)) - 30, sit.last)
+    return first, min((up.touch if up else len(sit.motion)) - 30, sit.last)
+
+
+def measure_seated(sit: Sit) -> list[dict[str, float]]:
+    """Spreads within every 2 s of sitting."""
+    first, last = seated(sit)
     found = []
     for begin in range(first, last - SECONDS_2 + 1, SECONDS_2):
         part = sit.motion.positions[begin : begin + SECONDS_2]

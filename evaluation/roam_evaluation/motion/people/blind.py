@@ -1,0 +1,145 @@
+"""The blind test: can a plain classifier tell the product from captured people, by 1 s of bone directions alone?
+
+What is no motion must not give anything away. All frames are on one skeleton; frames of both are sampled at the clips'
+24 Hz and brought back to 30, low-passed at 5 Hz and seen at 10 Hz, so that neither frame rate nor noise tells; of the
+joints only the directions of bones and how fast these turn are shown, in a frame that faces ahead at the middle of the
+window: no heights, no place, no pace. Persons and seeds of a test fold are not in its training folds.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+from sklearn.decomposition import PCA
+from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import balanced_accuracy_score
+from sklearn.model_selection import StratifiedGroupKFold
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from roam_evaluation.motion.people import sitting, standing, walking
+from roam_evaluation.motion.people.frames import RATE, SKELETON, Motion
+
+LIMIT = 75.0  # [%] balanced accuracy that may be reached
+_CLIPS = 24.0  # [Hz] of the captured clips
+_PASS = 5.0  # [Hz]
+_SEEN = 3  # every third frame: 10 Hz
+_WINDOW = 30  # frames: 1 s
+_STEP = 15
+_PARTS = 40  # principal components
+_FEWEST = 20  # windows of either side
+_BONES = [(parent, joint) for joint, parent in enumerate(SKELETON.parents) if parent >= 0]
+
+
+@dataclass(frozen=True)
+class Blind:
+    """How well the two are told apart."""
+
+    kind: str
+    people: int  # windows
+    persons: int
+    product: int  # windows
+    seeds: int
+    accuracy: float  # balanced, over all held-out folds [%]; 50 is guessing
+    control: float | None  # the same for held-out people against those of training clips [%]
+
+
+def washed(positions: np.ndarray) -> np.ndarray:
+    """Positions [T, J, 3] at 30 Hz as if captured at 24 Hz, low-passed at 5 Hz."""
+    t = np.arange(len(positions)) / RATE
+    coarse = np.arange(0, t[-1] + 1e-9, 1 / _CLIPS)
+    back = _sampled(_sampled(positions, t, coarse), coarse, t)
+    sos = butter(4, _PASS, fs=RATE, output="sos")
+    return np.asarray(sosfiltfilt(sos, back, axis=0, padlen=min(30, len(back) - 2)))
+
+
+def _sampled(values: np.ndarray, times: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Linear interpolation of values [T, …] at wanted times."""
+    at = np.interp(wanted, times, np.arange(len(times)))
+    low = np.minimum(at.astype(int), len(times) - 2)
+    share = (at - low).reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(values[low] * (1 - share) + values[low + 1] * share)
+
+
+def features(window: Motion) -> np.ndarray:
+    """Bone directions, and how they change, of a window of 1 s at 10 Hz, facing ahead in its middle."""
+    yaw = window.facing[len(window) // 2]
+    c, s = np.cos(yaw), np.sin(yaw)
+    p = window.positions
+    turned = np.stack([p[..., 0] * c - p[..., 2] * s, p[..., 1], p[..., 0] * s + p[..., 2] * c], -1)
+    bones = np.stack([turned[:, joint] - turned[:, parent] for parent, joint in _BONES], 1)
+    bones = bones / np.linalg.norm(bones, axis=-1, keepdims=True)
+    speeds = np.linalg.norm(np.gradient(bones, axis=0), axis=-1) * RATE
+    return np.concatenate([bones[::_SEEN].ravel(), speeds[::_SEEN].ravel()])
+
+
+def _cut(motion: Motion, first: int, last: int) -> list[Motion]:
+    return [motion.cut(a, a + _WINDOW - 1) for a in range(first, last - _WINDOW + 2, _STEP)]
+
+
+def walks(motion: Motion) -> list[Motion]:
+    """Windows of straight walking at 0.7-1.35 m/s."""
+    found = walking.windows(motion, (0.7, 1.35))
+    return [part for window in found for part in _cut(window, 0, len(window) - 1)]
+
+
+def seats(motion: Motion) -> list[Motion]:
+    """Windows of sitting, a second after the way down and before the way up."""
+    found: list[Motion] = []
+    for sit in sitting.sits(motion):
+        found += _cut(motion, *sitting.seated(sit))
+    return found
+
+
+def idles(motion: Motion) -> list[Motion]:
+    """Windows of standing."""
+    return [part for window in standing.idles(motion) for part in _cut(window, 0, len(window) - 1)]
+
+
+KINDS: dict[str, Callable[[Motion], list[Motion]]] = {"walking": walks, "sitting": seats, "idle": idles}
+
+
+def blind_test(
+    product: Sequence[Motion], held_out: Sequence[Motion], training: Sequence[Motion], *, seed: int = 0
+) -> list[Blind]:
+    """Every kind of motion that both have enough of."""
+    asked = [m for m in product if m.told in ("sit", "idle", "steer 0.9", "steer 1.2")]
+    found = []
+    for kind, find in KINDS.items():
+        ours, people, others = (_windows(group, find) for group in (asked, held_out, training))
+        if min(len(ours[0]), len(people[0])) >= _FEWEST:
+            control = told_apart(others, people, seed=seed) if len(others[0]) >= _FEWEST else None
+            accuracy = told_apart(ours, people, seed=seed)
+            sizes = len(people[0]), len(set(people[1])), len(ours[0]), len(set(ours[1]))
+            found.append(Blind(kind, *sizes, accuracy, control))
+    return found
+
+
+def _windows(motions: Sequence[Motion], find: Callable[[Motion], list[Motion]]) -> tuple[np.ndarray, list[str]]:
+    """Features [N, F] and the person of each window."""
+    rows, persons = [], []
+    for motion in motions:
+        clean = Motion(motion.name, motion.person, washed(motion.positions), motion.stretches, motion.told)
+        for window in find(clean):
+            rows.append(features(window))
+            persons.append(motion.person)
+    return np.array(rows), persons
+
+
+def told_apart(first: tuple[np.ndarray, list[str]], second: tuple[np.ndarray, list[str]], *, seed: int = 0) -> float:
+    """Balanced accuracy [%] of a logistic regression, over folds that share no person."""
+    values = np.concatenate([first[0], second[0]])
+    target = np.repeat([0, 1], [len(first[0]), len(second[0])])
+    persons = [f"first {who}" for who in first[1]] + [f"second {who}" for who in second[1]]
+    folds = max(2, min(5, len(set(first[1])), len(set(second[1]))))
+    guessed = np.empty(len(target), int)
+    for fit, test in StratifiedGroupKFold(folds, shuffle=True, random_state=seed).split(values, target, persons):
+        parts = min(_PARTS, len(fit) - 1)
+        model = make_pipeline(
+            StandardScaler(),
+            PCA(parts, random_state=seed),
+            LogisticRegression(C=0.1, class_weight="balanced", max_iter=2000),
+        )
+        guessed[test] = model.fit(values[fit], target[fit]).predict(values[test])
+    return 100 * float(balanced_accuracy_score(target, guessed))
