@@ -13,7 +13,7 @@ _FLOOR_COLOUR = (0.86, 0.86, 0.84)
 SIDE, FRONT = np.pi / 2, 0.0  # azimuths against the facing: from the body's left, from ahead
 
 
-def body_splats(positions: np.ndarray, *, density: float = 60_000.0) -> Splats:
+def body_splats(positions: np.ndarray, *, density: float = 30_000.0) -> Splats:
     """Surface samples of capsules along the bones of one frame [22, 3]; the left limbs are green."""
     random = np.random.default_rng(0)
     parts = [_capsule(a, b, r, density, left, random) for a, b, r, left in _segments(positions)]
@@ -58,17 +58,12 @@ def _capsule(
     return Splats(points, normals, colours)
 
 
-def floor_splats(centre: np.ndarray, *, reach: float = 1.6, spacing: float = 0.25) -> Splats:
-    """A grid on the floor round a place (x, z): lines that stand still in the world, so that sliding shows."""
-    low, high = np.floor((centre - reach) / spacing) * spacing, np.ceil((centre + reach) / spacing) * spacing
-    lines = []
-    for axis in (0, 1):
-        for at in np.arange(low[axis], high[axis] + 1e-6, spacing):
-            along = np.arange(low[1 - axis], high[1 - axis], 0.012)
-            line = np.zeros((len(along), 3))
-            line[:, 2 * axis], line[:, 2 - 2 * axis] = at, along
-            lines.append(line)
-    points = np.concatenate(lines)
+def floor_splats(centre: np.ndarray, *, reach: float = 1.5, square: float = 0.5, grain: float = 0.03) -> Splats:
+    """Every other square of a chequered floor round a place (x, z): it stands still in the world, so sliding shows."""
+    low, high = centre - reach, centre + reach
+    x, z = np.meshgrid(np.arange(low[0], high[0], grain), np.arange(low[1], high[1], grain))
+    dark = (np.floor(x / square) + np.floor(z / square)) % 2 == 0
+    points = np.stack([x[dark], np.zeros(int(dark.sum())), z[dark]], -1)
     up = np.broadcast_to(np.array([0.0, 1.0, 0.0]), points.shape)
     return Splats(points, up, np.broadcast_to(np.array(_FLOOR_COLOUR), points.shape))
 
@@ -84,4 +79,4 @@ def picture(
 ) -> Pixels:
     """One frame [22, 3] seen level from `azimuth`, `span` [m] wide, centred on `centre` [3]."""
     splats = [floor_splats(centre[[0, 2]]), *(scene or []), body_splats(positions)]
-    return render(splats, azimuth=azimuth, elevation=0.12, size=size, span=span, center=centre)
+    return render(splats, azimuth=azimuth, elevation=0.16, size=size, span=span, center=centre)

@@ -53,6 +53,7 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--record", type=Path, help="keep the product's frames here (.npz)")
     parser.add_argument("--recorded", type=Path, help="measure frames kept before, of this or another build")
     parser.add_argument("--draw", type=Path, help="draw filmstrips and videos into this folder instead")
+    parser.add_argument("--stills", action="store_true", help="with --draw: no videos, which take the longest")
     parser.add_argument("--json", type=Path, help="write all figures here")
     parser.add_argument("--table", type=Path, help="write the readable table here (Markdown)")
     return parser.parse_args(argv)
@@ -108,7 +109,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     begun = time.monotonic()
     if options.draw:
         people = cached_captured(options.mocap, _CACHE) if options.mocap.exists() else None
-        draw(Animator.load(options.weights), options.objects, options.poses, options.draw, people)
+        draw(
+            Animator.load(options.weights),
+            options.objects,
+            options.poses,
+            options.draw,
+            people,
+            films=not options.stills,
+        )
         return 0
     keys = options.only.split(",") if options.only else [activity.key for activity in ACTIVITIES]
     captured = cached_captured(options.mocap, _CACHE)

@@ -42,15 +42,22 @@ class Scene:
 
 
 def draw(
-    animator: Animator, objects: Sequence[Path], poses: Path | None, folder: Path, captured: Captured | None
+    animator: Animator,
+    objects: Sequence[Path],
+    poses: Path | None,
+    folder: Path,
+    captured: Captured | None,
+    *,
+    films: bool,
 ) -> None:
-    """All pictures into a folder."""
+    """All pictures into a folder; the videos, which take the longest, if `films`."""
     folder.mkdir(parents=True, exist_ok=True)
     scenes = walked(animator) + seated(animator, objects, poses, "sit", SEAT)
     scenes += seated(animator, objects, poses, "lie", BED)
     for scene in scenes:
         strip(scene, folder / f"{scene.name}.png")
-        film(scene, folder / f"{scene.name}.webp")
+        if films:
+            film(scene, folder / f"{scene.name}.webp")
         print(f"{scene.name}: {len(scene.motion) / RATE:.1f} s", flush=True)
     if captured is not None:
         mixed_sheets(animator, objects, poses, captured, folder)
@@ -109,7 +116,7 @@ def _scenery(scene: Scene) -> list[Splats]:
         return []
     shape = scene.goal.shape
     found = (
-        object_splats(*shape.mesh, count=60_000)
+        object_splats(*shape.mesh, count=30_000)
         if shape.mesh is not None
         else cloud_splats(shape.points, shape.normals)
     )
@@ -117,7 +124,7 @@ def _scenery(scene: Scene) -> list[Splats]:
 
 
 def _yaw(motion: Motion) -> float:
-    """The heading that the side view looks across: of the middle of the motion."""
+    """The heading that the side view looks across."""
     return float(np.median(motion.facing))
 
 
