@@ -55,21 +55,30 @@ def _stance(motion: Motion, frame: int) -> dict[str, float]:
 
 
 def stops(motion: Motion) -> list[int]:
-    """Frames at which walking has become standing that lasts a second or more; not of bending to something."""
-    speed, upright = pace(motion), (motion.positions[:, HIPS, 1] > _UPRIGHT) & (lean(motion) < _BENT)
+    """Frames at which walking has become standing that lasts a second or more.
+
+    Captured people who then bend to something do something else; the product, told to stand, has no reason to.
+    """
+    speed, upright = pace(motion), motion.positions[:, HIPS, 1] > _UPRIGHT
+    if not motion.told:
+        upright &= lean(motion) < _BENT
     found = []
-    for first, last in runs((speed < _STILL) & upright, 30):
-        before = speed[max(first - _FAR, 0) : first]
-        if len(before) and before.max() > _WALKS and upright[max(first - _FAR, 0) : last].all():
+    for first, last in runs(speed < _STILL, 30):
+        before = slice(max(first - _FAR, 0), first)
+        walked = len(speed[before]) > 0 and speed[before].max() > _WALKS and upright[before].all()
+        if walked and (motion.told or upright[first:last].all()):
             found.append(first)
     return found
 
 
 def measure_stop(motion: Motion, frame: int) -> dict[str, float]:
-    """Measures of a stop: how long it takes, and the stance two thirds of a second after it."""
-    speed = pace(motion)
-    fast = np.flatnonzero(speed[:frame] > _WALKS)
-    return {"stopping": (frame - int(fast[-1])) / RATE, **_stance(motion, min(frame + 20, len(motion) - 1))}
+    """Measures of a stop: how long it takes, the stance two thirds of a second after it, the bow within two seconds."""
+    fast = np.flatnonzero(pace(motion)[:frame] > _WALKS)
+    return {
+        "stopping": (frame - int(fast[-1])) / RATE,
+        "lean_most": float(lean(motion)[frame : frame + 60].max()),
+        **_stance(motion, min(frame + 20, len(motion) - 1)),
+    }
 
 
 def starts(motion: Motion) -> list[int]:
