@@ -71,7 +71,13 @@ def blind_table(found: Sequence[Blind]) -> str:
         "| | product told from people, learned from held-out clips | from training clips too | asked "
         "| people told from other people | windows of 1 s |"
     )
-    return "\n".join(["### Blind test (50 % is guessing)", "", head, "|---|---|---|---|---|---|", *rows])
+    parts = [
+        f"By one part of the body alone, {b.kind}: "
+        + ", ".join(f"{part} {x:.0f} %" for part, x in b.parts.items())
+        + "."
+        for b in found
+    ]
+    return "\n".join(["### Blind test (50 % is guessing)", "", head, "|---|---|---|---|---|---|", *rows, "", *parts])
 
 
 def _percent(value: float | None) -> str:
