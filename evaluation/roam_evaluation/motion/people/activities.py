@@ -133,7 +133,7 @@ ACTIVITIES: Sequence[Activity] = (
     _walk("walk_0.9", "Walking straight on, told 0.9 m/s (people 0.7-1.1)", _STROLL, "steer 0.9"),
     _walk("walk_1.2", "Walking straight on, told 1.2 m/s (people 1.1-1.35)", (1.1, 1.35), "steer 1.2"),
     _walk("walk_1.5", "Walking straight on, told 1.5 m/s (people 1.35-1.7)", (1.35, 1.7), "steer 1.5"),
-    _walk("walk_approach", "Walking straight on, on the way to furniture at 0.7-1.1 m/s", _STROLL, "sit"),
+    _walk("walk_approach", "Walking straight on, on the way to furniture (both at 0.7-1.4 m/s)", (0.7, 1.4), "sit"),
     Activity(
         "run", "Running, told 2.2 to 3.4 m/s (people 1.8-3.6)", measures("run"), _running, _told(_paced(2, 4), _running)
     ),

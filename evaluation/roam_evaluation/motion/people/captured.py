@@ -58,14 +58,19 @@ def read_captured(root: Path, *, only_held_out: bool = False, folders: tuple[str
     return out
 
 
-def cached_captured(root: Path, cache: Path) -> Captured:
-    """`read_captured`, remembered in a folder until files or the retargeting change."""
+def fingerprint(root: Path) -> str:
+    """Changes with the clips, their tables, who is held out, and the retargeting."""
     key = hashlib.sha256(_SOURCES)
     key.update(json.dumps([_VERSION, SKELETON.id, *held_out_prefixes(root)]).encode())
     for folder in (root / name for name in FOLDERS):
         for path in sorted([*folder.glob("*.bvh"), *folder.glob("*.csv"), *root.glob("*.csv")]):
             key.update(f"{path} {path.stat().st_size} {path.stat().st_mtime_ns}".encode())
-    files = [cache / f"captured-{key.hexdigest()[:12]}-{part}.npz" for part in ("held-out", "training")]
+    return key.hexdigest()[:12]
+
+
+def cached_captured(root: Path, cache: Path) -> Captured:
+    """`read_captured`, remembered in a folder until its fingerprint changes."""
+    files = [cache / f"captured-{fingerprint(root)}-{part}.npz" for part in ("held-out", "training")]
     if not all(path.exists() for path in files):
         found = read_captured(root)
         for path, motions in zip(files, (found.held_out, found.training), strict=True):

@@ -24,6 +24,7 @@ from roam_evaluation.motion.people.blind import blind_test
 from roam_evaluation.motion.people.captured import Captured, cached_captured
 from roam_evaluation.motion.people.frames import Motion
 from roam_evaluation.motion.people.pictures import draw
+from roam_evaluation.motion.people.reference import people_samples
 from roam_evaluation.motion.people.report import as_json, blind_table, table, targets_table
 from roam_evaluation.motion.people.storage import read_motions, write_motions
 from roam_evaluation.motion.people.targets import targets
@@ -52,6 +53,8 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--no-blind", action="store_true", help="leave the blind test out")
     parser.add_argument("--record", type=Path, help="keep the product's frames here (.npz)")
     parser.add_argument("--recorded", type=Path, help="measure frames kept before, of this or another build")
+    parser.add_argument("--beside", type=Path, help="report (.json) of another build, shown in a column of the table")
+    parser.add_argument("--build", default="", help="what the report says was measured")
     parser.add_argument("--draw", type=Path, help="draw filmstrips and videos into this folder instead")
     parser.add_argument("--stills", action="store_true", help="with --draw: no videos, which take the longest")
     parser.add_argument("--json", type=Path, help="write all figures here")
@@ -92,13 +95,13 @@ def approach(animator: Animator, options: argparse.Namespace, action: str, count
     return performed.approaches(animator, goals, count)
 
 
-def verdicts(motions: Sequence[Motion], captured: Captured, keys: Sequence[str]) -> list[Verdict]:
+def verdicts(motions: Sequence[Motion], captured: Captured, keys: Sequence[str], mocap: Path) -> list[Verdict]:
     """Every measure of the chosen activities, judged."""
     found: list[Verdict] = []
     for activity in ACTIVITIES:
         if activity.key in keys:
-            groups = activity.made(motions), activity.captured(captured.held_out), activity.captured(captured.training)
-            found += judge(activity, *groups)
+            held_out, training = people_samples(activity, captured, mocap, _CACHE)
+            found += judge(activity, activity.made(motions), held_out, training)
     return found
 
 
@@ -123,8 +126,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     motions = read_motions(options.recorded) if options.recorded else perform(options, keys)
     if options.record:
         write_motions(options.record, motions)
-    found = verdicts(motions, captured, keys)
-    text = table(found, ACTIVITIES)
+    found = verdicts(motions, captured, keys, options.mocap)
+    beside = json.loads(options.beside.read_text()) if options.beside else None
+    text = table(found, ACTIVITIES, beside)
     kept = targets(motions, people_range(found, "sit_down", "balance_half_down"))
     text += "\n\n" + targets_table(kept)
     told_apart = [] if options.no_blind else blind_test(motions, captured.held_out, captured.training)
@@ -136,7 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
         "seconds": round(time.monotonic() - begun, 1),
         "quick": options.quick,
-        "weights": options.weights.name,
+        "build": options.build,
         "measures": as_json(found),
     }
     print(text)

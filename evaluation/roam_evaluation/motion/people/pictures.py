@@ -149,7 +149,8 @@ def film(scene: Scene, path: Path) -> None:
     """A video in real time, from the side and from the front; the camera goes along."""
     motion, scenery, yaw = scene.motion, _scenery(scene), _yaw(scene.motion)
     frames = []
-    for moment in np.arange(0, len(motion) - 1, RATE / _FILM_RATE).round().astype(int):
+    rate = _FILM_RATE if len(motion) < 5 * RATE else _FILM_RATE / 2
+    for moment in np.arange(0, len(motion) - 1, RATE / rate).round().astype(int):
         frame = motion.positions[moment]
         views = [
             picture(frame, yaw + azimuth, _centre(frame), size=_FILM_SIZE, span=_SPAN, scene=scenery)
@@ -157,7 +158,7 @@ def film(scene: Scene, path: Path) -> None:
         ]
         frames.append(Image.fromarray(np.concatenate(views, axis=1)))
     for quality in _QUALITIES:
-        duration = round(1000 / _FILM_RATE)
+        duration = round(1000 / rate)
         frames[0].save(
             path, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=quality, method=4
         )

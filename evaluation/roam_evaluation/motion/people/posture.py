@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.signal import butter, sosfiltfilt
 
 from roam_evaluation.motion.people.frames import (
     ANKLES,
@@ -29,6 +30,7 @@ _SEGMENTS = (
     ("Foot", "Toes", 0.0145, 0.5),
 )
 _TRUNK, _HEAD_AND_NECK = 0.497, 0.081
+_SMOOTH = butter(4, 5.0, fs=RATE, output="sos")
 _SLOW = 0.45  # [m/s] a joint of a foot in contact is slower
 _LEVEL = 0.7  # a foot has a heading while this share of its length is level: pitched less than 45 degrees
 _LOW = 0.05  # [m] and lower than this over the lowest twentieth of its heights
@@ -106,8 +108,10 @@ def twist(motion: Motion) -> np.ndarray:
 
 
 def jerk(positions: np.ndarray) -> float:
-    """Mean jerk of all joints [m/s^3]."""
-    return float(np.linalg.norm(np.diff(positions, n=3, axis=0), axis=-1).mean() * RATE**3)
+    """Mean jerk of all joints [m/s^3], of what is slower than 5 Hz: above that, captured clips show their noise and the
+    corners of their 24 Hz."""
+    smooth = sosfiltfilt(_SMOOTH, positions, axis=0, padlen=min(20, len(positions) - 2))
+    return float(np.linalg.norm(np.diff(smooth, n=3, axis=0), axis=-1).mean() * RATE**3)
 
 
 def runs(mask: np.ndarray, shortest: int = 1) -> list[tuple[int, int]]:

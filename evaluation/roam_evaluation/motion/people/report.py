@@ -1,6 +1,6 @@
 """The verdicts as a table to read and as JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -36,13 +36,16 @@ def _rounded(found: Spread | None) -> dict[str, float] | None:
     return {key: round(value, 3) for key, value in asdict(found).items()} if found else None
 
 
-def table(verdicts: Sequence[Verdict], activities: Sequence[Activity]) -> str:
-    """Markdown: a table for every activity, then the summary."""
+def table(verdicts: Sequence[Verdict], activities: Sequence[Activity], beside: Mapping[str, Any] | None = None) -> str:
+    """Markdown: a table for every activity, then the summary. `beside` is the report of another build, whose medians
+    get a column."""
     lines: list[str] = []
+    other = {(m["activity"], m["measure"]): m for m in (beside or {}).get("measures", ())}
     for activity in activities:
         mine = [v for v in verdicts if v.activity == activity.key]
         if mine:
-            lines += ["", f"### {activity.title} — {_counts(mine)}", "", *_HEAD, *(_row(v) for v in mine)]
+            lines += ["", f"### {activity.title}", "", _counts(mine, other), "", *_head(bool(other))]
+            lines += [_row(v, other) for v in mine]
     total = summary(verdicts)
     lines += [
         "",
@@ -84,24 +87,38 @@ def _percent(value: float | None) -> str:
     return "–" if value is None else f"{value:.0f} %"
 
 
-_HEAD = (
-    "| | product 5 / 50 / 95 % | people, held out | people, training clips | verdict |",
-    "|---|---|---|---|---|",
-)
+Other = Mapping[tuple[str, str], Mapping[str, Any]]
 
 
-def _counts(verdicts: Sequence[Verdict]) -> str:
-    made = max((v.product.samples for v in verdicts if v.product), default=0)
-    held = max((v.held_out.samples for v in verdicts if v.held_out), default=0)
-    kept = max((v.training.samples for v in verdicts if v.training), default=0)
-    persons = max((v.held_out.persons for v in verdicts if v.held_out), default=0)
-    others = max((v.training.persons for v in verdicts if v.training), default=0)
-    return f"{made} of the product, {held} held out of {persons} persons, {kept} others of {others}"
+def _head(beside: bool) -> tuple[str, str]:
+    names = ["product 5 / 50 / 95 %", "people, held out", "people, training clips", "verdict"]
+    names[:0] = ["build beside"] if beside else []
+    return "| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"
 
 
-def _row(v: Verdict) -> str:
+def _counts(verdicts: Sequence[Verdict], other: Other) -> str:
+    def most(part: str, what: str) -> int:
+        found = [getattr(v, part) for v in verdicts]
+        return max((getattr(one, what) for one in found if one), default=0)
+
+    judged = [v for v in verdicts if v.measure.judged and v.people]
+    old = [other.get((v.activity, v.measure.key), {}) for v in judged]
+    before = sum(record.get("outside_widths") == 0 for record in old)
+    beside = f" (build beside: {before})" if other else ""
+    return (
+        f"{sum(v.inside for v in judged)} of {len(judged)} inside{beside}. "
+        f"{most('product', 'samples')} of the product, {most('held_out', 'samples')} held out of {most('held_out', 'persons')} persons, "
+        f"{most('training', 'samples')} others of {most('training', 'persons')}."
+    )
+
+
+def _row(v: Verdict, other: Other) -> str:
     unit = f" [{v.measure.unit}]" if v.measure.unit else ""
-    return f"| {v.measure.title}{unit} | {_cell(v.product)} | {_cell(v.held_out)} | {_cell(v.training)} | {_words(v)} |"
+    cells = [_cell(v.product), _cell(v.held_out), _cell(v.training), _words(v)]
+    if other:
+        made = other.get((v.activity, v.measure.key), {}).get("product")
+        cells.insert(0, _short(made["median"]) if made else "–")
+    return f"| {v.measure.title}{unit} | " + " | ".join(cells) + " |"
 
 
 def _cell(found: Spread | None) -> str:

@@ -8,8 +8,9 @@ import numpy as np
 from roam_evaluation.motion.people.activities import Activity, Sample
 from roam_evaluation.motion.people.registry import Measure
 
-ENOUGH = 10  # held-out samples; with fewer, or of fewer persons than the next, all captured clips give the range
-PERSONS = 3
+# Held-out samples, and persons they come from, that a range needs: a handful of persons is a handful of gaits. With
+# fewer, all captured clips give the range.
+ENOUGH, PERSONS = 20, 8
 FARTHEST = 0.5  # widths of people's range that a median may lie outside of it at most
 
 
