@@ -105,11 +105,9 @@ def _counts(verdicts: Sequence[Verdict], other: Other) -> str:
     old = [other.get((v.activity, v.measure.key), {}) for v in judged]
     before = sum(record.get("outside_widths") == 0 for record in old)
     beside = f" (build beside: {before})" if other else ""
-    return (
-        f"{sum(v.inside for v in judged)} of {len(judged)} inside{beside}. "
-        f"{most('product', 'samples')} of the product, {most('held_out', 'samples')} held out of {most('held_out', 'persons')} persons, "
-        f"{most('training', 'samples')} others of {most('training', 'persons')}."
-    )
+    held, kept = (f"{most(part, 'samples')} {{}} of {most(part, 'persons')}" for part in ("held_out", "training"))
+    samples = f"{most('product', 'samples')} of the product, {held.format('held out')} persons, {kept.format('others')}"
+    return f"{sum(v.inside for v in judged)} of {len(judged)} inside{beside}. {samples}."
 
 
 def _row(v: Verdict, other: Other) -> str:
