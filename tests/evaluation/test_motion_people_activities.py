@@ -122,6 +122,15 @@ def test_differences_of_persons_are_those_of_their_means():
     assert found == {"a and b": 3.0, "a and c": 0.0, "b and c": 3.0}
 
 
+def test_one_pair_that_is_alike_is_chance_and_six_are_not():
+    pairs = [{"x": float(d)} for d in (0, 0, 2, 2, 2, 2, 2, 2, 2, 2)]
+    found = [row["x"] for row in variety.together(pairs)]
+    assert len(found) == 200
+    assert min(found) == pytest.approx(np.sqrt(4 * 4 / 6))  # both that are alike, and four others
+    assert max(found) == pytest.approx(2.0)
+    assert variety.together(pairs[1:3]) == [{"x": pytest.approx(np.sqrt(2.0))}]
+
+
 def test_the_same_are_not_told_apart_and_others_are():
     random = np.random.default_rng(0)
 

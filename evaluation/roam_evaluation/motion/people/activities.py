@@ -33,7 +33,7 @@ class Activity:
     measures: tuple[Measure, ...]
     of_people: Find
     of_product: Find
-    pairs: tuple[str, ...] = ()  # measures whose difference between two persons is the sample
+    pairs: tuple[str, ...] = ()  # measures whose difference between persons is the sample
 
     def captured(self, motions: Iterable[Motion]) -> list[Sample]:
         """What captured people do."""
@@ -47,11 +47,11 @@ class Activity:
         found = [Sample(motion.name, motion.person, row) for motion in motions for row in find(motion)]
         if not self.pairs or not found:
             return found
-        out = []
+        pairs: list[Row] = []
         for group in sorted({_group(s) for s in found}):  # seeds are compared that were told the same
             people = variety.by_person([(s.person, s.values) for s in found if _group(s) == group])
-            out += [Sample(name, name, row) for name, row in variety.differences(people, self.pairs)]
-        return out
+            pairs += [row for _, row in variety.differences(people, self.pairs)]
+        return [Sample("six pairs", "pairs", row) for row in variety.together(pairs)]
 
 
 def _group(sample: Sample) -> str:
@@ -154,7 +154,7 @@ ACTIVITIES: Sequence[Activity] = (
     Activity("lie_down", "Lying down (people: on the floor)", measures("lie_down"), _lies, _lies),
     Activity(
         "variety_walk",
-        "Two persons walking, two seeds told 0.9 m/s: differences",
+        "How much persons who walk differ, and seeds told 0.9 m/s",
         measures("variety_walk"),
         _walks(_STROLL),
         _told("steer 0.9".__eq__, _walks(_ANY_PACE)),
@@ -162,7 +162,7 @@ ACTIVITIES: Sequence[Activity] = (
     ),
     Activity(
         "variety_sit",
-        "Two persons sitting down, two seeds on one chair: differences",
+        "How much persons who sit down differ, and seeds on one chair",
         measures("variety_sit"),
         _DOWN,
         _told("sit".__eq__, _DOWN),
