@@ -7,7 +7,7 @@ from roam_character.clip import Clip
 from roam_character.formats.bvh import write_bvh
 from roam_character.pose import rest_pose
 from roam_character.skeleton import humanoid_skeleton
-from roam_evaluation.motion.people import performed, pictures
+from roam_evaluation.motion.people import evaluate, performed, pictures
 from roam_evaluation.motion.people.activities import ACTIVITIES
 from roam_evaluation.motion.people.captured import cached_captured, fingerprint, read_captured
 from roam_evaluation.motion.people.evaluate import SHIPPED, main
@@ -100,7 +100,8 @@ def test_a_filmstrip_and_a_video_show_a_body_and_stay_small(tmp_path):
     assert (tmp_path / "walk.webp").stat().st_size < 400_000
 
 
-def test_kept_frames_are_measured_again_and_reported(mocap, tmp_path, capsys):
+def test_kept_frames_are_measured_again_and_reported(mocap, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(evaluate, "_CACHE", tmp_path / "cache")
     kept = tmp_path / "frames.npz"
     motion = walker()
     write_motions(kept, [type(motion)("steer 0.9 m/s, seed 1", "1", motion.positions, (), "steer 0.9")])

@@ -21,7 +21,7 @@ def both(bone: str) -> list[int]:
 
 
 THIGHS, KNEES, ANKLES, TOES = (both(b) for b in ("UpperLeg", "LowerLeg", "Foot", "Toes"))
-SHOULDERS, HANDS = both("UpperArm"), both("Hand")
+SHOULDERS, ELBOWS, HANDS = both("UpperArm"), both("LowerArm"), both("Hand")
 
 
 @dataclass(frozen=True)

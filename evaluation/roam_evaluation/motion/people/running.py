@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from roam_evaluation.motion.people.frames import ANKLES, HANDS, RATE, SHOULDERS, TOES, Motion
+from roam_evaluation.motion.people.frames import ANKLES, ELBOWS, HANDS, RATE, SHOULDERS, TOES, Motion
 from roam_evaluation.motion.people.posture import bends, foot_pitch, joint_contacts, lean
 from roam_evaluation.motion.people.walking import course, strikes
 
@@ -46,7 +46,7 @@ def measure(motion: Motion) -> dict[str, float]:
     knee, height = bends(positions), positions[:, 0, 1]
     hands = motion.ahead(positions[:, HANDS]) - motion.ahead(positions[:, SHOULDERS])
     ankles = motion.ahead(positions[:, ANKLES], course(motion))
-    elbows = bends(positions, (SHOULDERS, [joint - 1 for joint in HANDS], HANDS))
+    elbows = bends(positions, (SHOULDERS, ELBOWS, HANDS))
     phase = [np.corrcoef(hands[:, side], ankles[:, 1 - side])[0, 1] for side in (0, 1)]
     return {
         "cadence": cadence,

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import find_peaks
 
-from roam_evaluation.motion.people.frames import ANKLES, HANDS, RATE, SHOULDERS, TOES, Motion
+from roam_evaluation.motion.people.frames import ANKLES, ELBOWS, HANDS, RATE, SHOULDERS, TOES, Motion
 from roam_evaluation.motion.people.posture import (
     bends,
     contacts,
@@ -164,12 +164,18 @@ def _arms(motion: Motion) -> dict[str, float]:
     ahead = motion.ahead(motion.positions[:, HANDS]) - motion.ahead(motion.positions[:, SHOULDERS])
     ankles = motion.ahead(motion.positions[:, ANKLES])
     swing = np.ptp(ahead, axis=0)
+    upper = motion.ahead(motion.positions[:, ELBOWS]) - motion.ahead(motion.positions[:, SHOULDERS])
+    hanging = motion.positions[:, SHOULDERS, 1] - motion.positions[:, ELBOWS, 1]
+    elbow = bends(motion.positions, (SHOULDERS, ELBOWS, HANDS))
     with np.errstate(invalid="ignore"):
         phase = [np.corrcoef(ahead[:, side], ankles[:, 1 - side])[0, 1] for side in (0, 1)]
     return {
         "arm_swing": 100 * float(swing.mean()),
         "arm_swing_difference": 100 * float(abs(swing[0] - swing[1])),
         "arm_phase": float(np.mean(phase)),
+        "upper_arm": float(np.degrees(np.arctan2(upper, hanging)).mean()),
+        "elbow": float(elbow.mean()),
+        "elbow_range": float(np.ptp(elbow, axis=0).mean()),
     }
 
 
