@@ -10,7 +10,8 @@ _CAPSULES = body_capsules(SKELETON)
 _RADII = {int(j): float(r) for j, r in zip(_CAPSULES.joints, _CAPSULES.radii, strict=True)}
 _TIPS = {tip.parent: float(np.linalg.norm(tip.offset)) for tip in SKELETON.tips}
 _FLOOR_COLOUR = (0.86, 0.86, 0.84)
-SIDE, FRONT = np.pi / 2, 0.0  # azimuths against the facing: from the body's left, from ahead
+# Azimuth against the facing and elevation [rad]: from the body's left, from ahead, from ahead and above.
+SIDE, FRONT, ABOVE = (np.pi / 2, 0.16), (0.0, 0.16), (0.4, 0.9)
 
 
 def body_splats(positions: np.ndarray, *, density: float = 30_000.0) -> Splats:
@@ -70,13 +71,13 @@ def floor_splats(centre: np.ndarray, *, reach: float = 1.5, square: float = 0.5,
 
 def picture(
     positions: np.ndarray,
-    azimuth: float,
+    view: tuple[float, float],
     centre: np.ndarray,
     *,
     size: int,
     span: float,
     scene: list[Splats] | None = None,
 ) -> Pixels:
-    """One frame [22, 3] seen level from `azimuth`, `span` [m] wide, centred on `centre` [3]."""
+    """One frame [22, 3] seen from an azimuth and an elevation [rad], `span` [m] wide, centred on `centre` [3]."""
     splats = [floor_splats(centre[[0, 2]]), *(scene or []), body_splats(positions)]
-    return render(splats, azimuth=azimuth, elevation=0.16, size=size, span=span, center=centre)
+    return render(splats, azimuth=view[0], elevation=view[1], size=size, span=span, center=centre)

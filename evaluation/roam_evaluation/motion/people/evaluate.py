@@ -49,7 +49,7 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--approaches", type=int, help="how many (default 48, quick 10)")
     parser.add_argument("--seeds", type=int, help="of every steered scene (default 12, quick 4)")
     parser.add_argument("--quick", action="store_true", help="fewer of everything: under two minutes on one core")
-    parser.add_argument("--only", help="comma-separated activities, by key; scenes they do not need are left out")
+    parser.add_argument("--only", help="comma-separated activities by key, or pictures by name (default all)")
     parser.add_argument("--no-blind", action="store_true", help="leave the blind test out")
     parser.add_argument("--record", type=Path, help="keep the product's frames here (.npz)")
     parser.add_argument("--recorded", type=Path, help="measure frames kept before, of this or another build")
@@ -110,18 +110,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parse(argv)
     torch.set_num_threads(1)
     begun = time.monotonic()
+    only = options.only.split(",") if options.only else []
     if options.draw:
         people = cached_captured(options.mocap, _CACHE) if options.mocap.exists() else None
-        draw(
-            Animator.load(options.weights),
-            options.objects,
-            options.poses,
-            options.draw,
-            people,
-            films=not options.stills,
-        )
+        animator = Animator.load(options.weights)
+        draw(animator, options.objects, options.poses, options.draw, people, films=not options.stills, only=only)
         return 0
-    keys = options.only.split(",") if options.only else [activity.key for activity in ACTIVITIES]
+    keys = only or [activity.key for activity in ACTIVITIES]
     captured = cached_captured(options.mocap, _CACHE)
     motions = read_motions(options.recorded) if options.recorded else perform(options, keys)
     if options.record:

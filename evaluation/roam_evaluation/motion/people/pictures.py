@@ -18,12 +18,13 @@ from roam_motion.animator import Animator
 from roam_evaluation.goalpose.objects import find_objects
 from roam_evaluation.motion.goals import SeatGoal, make_goals
 from roam_evaluation.motion.people import lying, performed, sitting, standing, turning, walking
-from roam_evaluation.motion.people.bodies import FRONT, SIDE, picture
+from roam_evaluation.motion.people.bodies import ABOVE, FRONT, SIDE, picture
 from roam_evaluation.motion.people.captured import Captured
 from roam_evaluation.motion.people.frames import RATE, Motion
 from roam_evaluation.shared.picture import Splats, cloud_splats, contact_sheet, object_splats
 
 SEAT, BED = "chair_polyhaven_dining-chair-02", "bed_polyhaven_gothic-bed-01"
+SCENES = ("start", "walk", "stop", "run", "turn-180", "sit", "seated", "rise", "lie", "get-up", "mixed")
 _MOMENTS = 12  # of a filmstrip
 _SIZE, _SPAN = 170, 2.3  # [px], [m] of a picture
 _FILM_SIZE, _FILM_RATE = 200, 15.0  # [px], [Hz]
@@ -40,6 +41,12 @@ class Scene:
     motion: Motion
     goal: SeatGoal | None = None
 
+    @property
+    def views(self) -> dict[str, tuple[float, float]]:
+        """Names of the two views, azimuth against the facing and elevation; boards hide who lies from the side."""
+        lies = self.goal is not None and self.goal.action == "lie"
+        return {"front": FRONT, "above": ABOVE} if lies else {"side": SIDE, "front": FRONT}
+
 
 def draw(
     animator: Animator,
@@ -49,17 +56,20 @@ def draw(
     captured: Captured | None,
     *,
     films: bool,
+    only: Sequence[str] = (),
 ) -> None:
     """All pictures into a folder; the videos, which take the longest, if `films`."""
     folder.mkdir(parents=True, exist_ok=True)
-    scenes = walked(animator) + seated(animator, objects, poses, "sit", SEAT)
-    scenes += seated(animator, objects, poses, "lie", BED)
-    for scene in scenes:
+    wanted = set(only) if only else set(SCENES)
+    scenes = walked(animator) if wanted & set(SCENES[:5]) else []
+    scenes += seated(animator, objects, poses, "sit", SEAT) if wanted & set(SCENES[5:8]) else []
+    scenes += seated(animator, objects, poses, "lie", BED) if wanted & set(SCENES[8:10]) else []
+    for scene in (one for one in scenes if one.name in wanted):
         strip(scene, folder / f"{scene.name}.png")
         if films:
             film(scene, folder / f"{scene.name}.webp")
         print(f"{scene.name}: {len(scene.motion) / RATE:.1f} s", flush=True)
-    if captured is not None:
+    if captured is not None and "mixed" in wanted:
         mixed_sheets(animator, objects, poses, captured, folder)
 
 
@@ -133,10 +143,10 @@ def strip(scene: Scene, path: Path) -> None:
     motion, scenery, yaw = scene.motion, _scenery(scene), _yaw(scene.motion)
     moments = np.linspace(0, len(motion) - 1, _MOMENTS).round().astype(int)
     cells = []
-    for view, azimuth in (("side", SIDE), ("front", FRONT)):
+    for view, (azimuth, elevation) in scene.views.items():
         for moment in moments:
             frame = motion.positions[moment]
-            pixels = picture(frame, yaw + azimuth, _centre(frame), size=_SIZE, span=_SPAN, scene=scenery)
+            pixels = picture(frame, (yaw + azimuth, elevation), _centre(frame), size=_SIZE, span=_SPAN, scene=scenery)
             cells.append((f"{view} {moment / RATE:.2f} s", pixels))
     contact_sheet(cells, columns=_MOMENTS).quantize(96).save(path, optimize=True)
 
@@ -153,8 +163,8 @@ def film(scene: Scene, path: Path) -> None:
     for moment in np.arange(0, len(motion) - 1, RATE / rate).round().astype(int):
         frame = motion.positions[moment]
         views = [
-            picture(frame, yaw + azimuth, _centre(frame), size=_FILM_SIZE, span=_SPAN, scene=scenery)
-            for azimuth in (SIDE, FRONT)
+            picture(frame, (yaw + azimuth, elevation), _centre(frame), size=_FILM_SIZE, span=_SPAN, scene=scenery)
+            for azimuth, elevation in scene.views.values()
         ]
         frames.append(Image.fromarray(np.concatenate(views, axis=1)))
     for quality in _QUALITIES:
@@ -215,7 +225,7 @@ def _mixed(made: Sequence[Motion], real: Sequence[Motion], path: Path) -> list[s
     for number, (_, motion) in enumerate(rows):
         for moment in np.linspace(0, len(motion) - 1, _MOMENTS).round().astype(int):
             frame, yaw = motion.positions[moment], motion.facing[len(motion) // 2]
-            pixels = picture(frame, yaw + SIDE - 0.5, _centre(frame), size=130, span=_SPAN)
+            pixels = picture(frame, (yaw + SIDE[0] - 0.5, SIDE[1]), _centre(frame), size=130, span=_SPAN)
             cells.append((f"{number + 1}" if moment == 0 else "", pixels))
     contact_sheet(cells, columns=_MOMENTS).quantize(96).save(path, optimize=True)
     return [whose for whose, _ in rows]
