@@ -16,7 +16,7 @@ def goalpose(context: typer.Context) -> None:
 
 
 def motion(context: typer.Context) -> None:
-    """Approaches to a folder of furniture: errors, jumps, foot skate, speed (`--help` lists its options)."""
+    """Approaches to a folder of furniture: errors, jumps, foot skate, speed; `--people`: beside captured people."""
     delegate("roam_evaluation.motion.approaches", context.args, name="roam evaluate motion")
 
 

@@ -4,7 +4,8 @@ Goal poses are synthesised on the objects of a folder; each is approached from s
 
     python -m roam_evaluation.motion.approaches --objects DIR --json FILE [--sheet FILE.png] [--approaches 100] …
 
-A further study, with options of its own: `roam evaluate motion ablation`.
+Further studies, with options of their own: `roam evaluate motion ablation`, and `roam evaluate motion --people`, the
+product's motion beside captured people's.
 """
 
 import argparse
@@ -159,6 +160,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments and arguments[0] in STUDIES:
         ran: int = importlib.import_module(f"roam_evaluation.motion.{arguments[0]}").main(arguments[1:])
         return ran
+    if "--people" in arguments:
+        from roam_evaluation.motion.people import evaluate
+
+        return evaluate.main(arguments)
     options = parse(arguments)
     torch.set_num_threads(1)
     categories = set(options.categories.split(",")) if options.categories else None
