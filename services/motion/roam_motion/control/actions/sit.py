@@ -73,7 +73,8 @@ def _sitting(figure: Figure, goal: Goal) -> Seat:
 def _footing(figure: Figure, seat: Seat) -> np.ndarray | None:
     """Where both ankles belong before one sits down (x, z), and where their feet point [2, 4]: as they are in the pose.
 
-    In front of the furniture where the pose has them under it, nearer to the seat where it has them far ahead; None where they do not stand on the floor.
+    In front of the furniture where the pose has them under it, nearer to the seat where it has them far ahead; None
+    where they do not stand on the floor.
     """
     feet = pose_feet(figure, torch.from_numpy(seat.positions)[None])[0].numpy()
     if not feet.any():
