@@ -52,6 +52,7 @@ def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
 def _made(data: bytes, format: str, order: Order) -> Outcome:
     from roam_goalpose.api.messages import goal_pose_message, object_message
     from roam_goalpose.objects import ObjectError
+    from roam_goalpose.service.queries import StoredObject, goal_pose_of
     from roam_goalpose.synthesis import GoalPoseRequest, RequestError
 
     request = GoalPoseRequest(reference=order.reference, action=order.action, seed=order.seed)
@@ -67,8 +68,8 @@ def _made(data: bytes, format: str, order: Order) -> Outcome:
     except Exception as error:  # one object must not end a night's work
         return Outcome(reason="INTERNAL", message=f"{type(error).__name__}: {error}")
     return Outcome(
-        object=object_message(shape, format).SerializeToString(),
-        goal_pose=goal_pose_message(result, shape, request).SerializeToString(),
+        object=object_message(StoredObject(shape, format)).SerializeToString(),
+        goal_pose=goal_pose_message(goal_pose_of(result, shape, request)).SerializeToString(),
         seconds=perf_counter() - started,
     )
 

@@ -12,8 +12,8 @@ import torch
 from roam_character.body import body_capsules
 from roam_character.pose import Pose
 from roam_character.skeleton import humanoid_skeleton
+from roam_goalpose.energy.body import body_points, penetration_depths
 from roam_goalpose.energy.figure import Figure, figure_from_pose
-from roam_goalpose.energy.penetration import body_points, penetration_depths
 from roam_goalpose.objects import Shape
 from roam_goalpose.references.model import height_above_surface
 from roam_goalpose.references.pairs import ReferencePair

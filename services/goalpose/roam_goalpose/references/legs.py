@@ -29,8 +29,8 @@ def settle_legs(figure: Figure, floor_height: float, *, ankle_height: float | Te
         reach = forward.norm(dim=-1, keepdim=True)
         before = (hip[:, 1] - ankle[:, 1])[:, None]
         longer = (0.5 * (before - drop[:, None])).clamp(-0.12, 0.12)
-        wanted = forward / reach.clamp(min=1e-6) * (reach + longer)
-        target = torch.stack([hip[:, 0] + wanted[:, 0], hip[:, 1] - drop, hip[:, 2] + wanted[:, 2]], dim=-1)
+        ahead = forward / reach.clamp(min=1e-6) * (reach + longer)
+        target = torch.stack([hip[:, 0] + ahead[:, 0], hip[:, 1] - drop, hip[:, 2] + ahead[:, 2]], dim=-1)
         bend = forward / reach.clamp(min=1e-6) + torch.tensor([0.0, 0.5, 0.0])
         posture = Posture(figure.positions, figure.orientations)
         turned: Tensor = reach_with_limb(skeleton, leg, posture, target, bend=bend)

@@ -55,6 +55,8 @@ class Goal:
 
 def raised(intent: "Intent", height: float) -> "Intent":
     """The same intent in a world whose floor is `height` [m] higher."""
+    if not height:
+        return intent
     offset = np.array([0, height, 0], np.float32)
     if isinstance(intent, Goal):
         intent = intent.moved(offset)

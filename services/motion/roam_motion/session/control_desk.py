@@ -38,12 +38,13 @@ class ControlDesk:
         self._volumes: WeakValueDictionary[str, Volume] = WeakValueDictionary()
 
     async def checked(self, session: Session, control: ControlRequest) -> tuple[ControlRequest, list[Event]]:
-        """The control, its goal shared with equal ones, and what there is to warn of.
+        """The control above the animator's floor, its goal shared with equal ones, and what there is to warn of.
 
         RATE_LIMITED; GOAL_INVALID and GOAL_UNREACHABLE say what is wrong with the goal.
         """
         self._rates.take(session.name)
-        lowered = control.change.lowered(session.floor_height).intent
+        control = replace(control, change=control.change.lowered(session.floor_height))
+        lowered = control.change.intent
         if not isinstance(lowered, Goal):
             return control, []
         try:
@@ -52,9 +53,7 @@ class ControlDesk:
             raise ServiceError(GOAL_INVALID, str(error), field=f"control.goal.{error.field}") from error
         except UnreachableGoalError as error:
             raise ServiceError(GOAL_UNREACHABLE, str(error), field="control.goal.obstacles") from error
-        goal = control.change.intent
-        assert isinstance(goal, Goal)
-        change = replace(control.change, intent=self._shared(goal))
+        change = replace(control.change, intent=self._shared(lowered))
         return replace(control, change=change), self._warnings(session, lowered)
 
     def afford(self, session: Session, entry: ControlEntry) -> None:
@@ -102,9 +101,7 @@ def _same_seat(session: Session, goal: Goal, other: Session) -> bool:
 
 
 def _digest(goal: Goal) -> str:
-    numbers = [goal.pose.root_position, goal.pose.rotations]
-    if goal.approach is not None:
-        numbers.append(goal.approach)
-    parts = [np.ascontiguousarray(part, np.float32).tobytes() for part in numbers]
+    arrays = goal.pose.root_position, goal.pose.rotations, goal.approach, goal.look_at
+    parts = [None if array is None else np.ascontiguousarray(array, np.float32).tobytes() for array in arrays]
     named = goal.pose.skeleton.id, goal.action, goal.obstacles, goal.volume.digest if goal.volume else ""
-    return hashlib.sha256(repr(named).encode() + b"\0".join(parts)).hexdigest()
+    return hashlib.sha256(repr((named, parts)).encode()).hexdigest()

@@ -195,11 +195,11 @@ class Session:
             self.held = False
 
     def entry(self, control: ControlRequest) -> ControlEntry:
-        """Names the first frame that a new control can affect. 0 as control_id takes the next free one."""
+        """Names the first frame that a new control, above the animator's floor, can affect; its id 0 takes the next one."""
         # a step that runs right now was given the old intent
         effective = max(self.sequence + self.under_way, self._seen_elsewhere) + 1
         control_id = control.control_id or self.last_control_id + 1
-        change, last = control.change.lowered(self.floor_height), self._last
+        change, last = control.change, self._last
         if last is None or last.effective != effective:
             return ControlEntry(control_id, effective, change)
         earlier = (*last.earlier, last.control_id)[-_EARLIER:]
