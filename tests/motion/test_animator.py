@@ -2,6 +2,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from roam_motion.animation.rows import split_array
+from roam_motion.animation.state import shapes_of
 from roam_motion.animator import Animator, CharacterState, Goal, Idle, Steer
 from standing import random_animator, seated_pose
 
@@ -76,3 +78,19 @@ def test_shipped_weights_walk_up_and_sit_down_and_rise():
     assert way[..., 1].min() > 0.0
     _, after = played(animator, states, [Idle()], frames=110)
     assert after[-1][0].root_position[1] > 0.8
+
+
+def test_a_character_stays_who_it_is_and_looks_where_it_is_told():
+    animator = random_animator()
+    first = animator.start((0, 0), 0.0, 5)
+    states, _ = played(animator, [first], [Idle(look_at=np.array([3.0, 1.5, 1.0]))], frames=20)
+    manner, gaze = (
+        [split_array(s.row[None], shapes_of(len(s.row)))[name][0] for s in (first, states[0])]
+        for name in ("manner", "gaze")
+    )
+    np.testing.assert_array_equal(manner[0], manner[1])
+    assert manner[0].any()
+    assert not gaze[0].any()
+    assert 0.4 < gaze[1][0] < 1.2  # to its left
+    again = CharacterState.from_bytes(states[0].to_bytes())
+    np.testing.assert_array_equal(again.row, states[0].row)

@@ -5,7 +5,7 @@ import pytest
 import torch
 from roam_motion.animation.advance import advance
 from roam_motion.animation.blending import WHOLE
-from roam_motion.animation.living import alive, stillness
+from roam_motion.animation.living import WIDTH, Life, alive, gazed
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.rows import join, split_array, split_tensor
 from roam_motion.animation.state import Characters, characters_width
@@ -31,15 +31,18 @@ def test_graphs_do_what_the_step_of_training_does(count):
             goals.take(i, seat, "sit", 0.0, None)
         else:
             goals.go(i, places, directions, "walk", None)
-    rows, clock = np.stack([s.row for s in states]), [s.control.clock for s in states]
-    shown = Graphs(figure, prediction, WHOLE).step(rows, goals.rows, clock, None)
+    rows = np.stack([s.row for s in states])
+    life = np.random.default_rng(0).random((count, WIDTH)).astype(np.float32)
+    shown = Graphs(figure, prediction, WHOLE).step(rows, goals.rows, life, None)
     with torch.no_grad():
         characters = Characters.of(torch.from_numpy(rows))
         after, joints, _ = advance(
             figure, prediction, characters, Goals.of(torch.from_numpy(goals.rows), figure.joint_count)
         )
-        orientations = swinging(figure, joints, after.orientations, walking(after))
-        orientations = alive(figure, orientations, stillness(after), torch.tensor(clock))
+        told = Life.of(torch.from_numpy(life))
+        after.gaze = gazed(figure, after, joints, told)
+        orientations = swinging(figure, joints, after.orientations, walking(after), after.manner)
+        orientations = alive(figure, after, orientations, told)
     np.testing.assert_allclose(shown.rows, after.rows(), atol=2e-4)
     np.testing.assert_allclose(shown.positions, figure.positions(after.hips, orientations), atol=1e-5)
     np.testing.assert_allclose(shown.snorm16 / 32767, shown.rotations, atol=2e-5)

@@ -25,7 +25,7 @@ from roam_motion.models.lnsm.predict import LnsmModel
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.library import load_library
 from roam_motion.training.loop import Learner, TrainingConfig, make_learner, train
-from roam_motion.training.motion import EMPHASIS, add_data_options, library_of
+from roam_motion.training.motion import add_data_options, library_of
 from roam_motion.training.validation import rollout_scores, starts
 from roam_motion.training.weights import start_poses
 from torch import Tensor
@@ -95,7 +95,7 @@ def trained(figure: Figure, dataset: Dataset, variant: Variant, seed: int, updat
 def step_error(figure: Figure, dataset: Dataset, learner: Learner) -> dict[str, float]:
     """One step from held-out states: mean joint error of the forward answer [mm], and of contacts [percent wrong]."""
     at = starts(dataset, torch.Generator().manual_seed(2), count=2048)
-    characters, goals = dataset.characters(figure, at), dataset.goals(figure, at)
+    characters, goals = dataset.characters(figure, at), dataset.goals(at)
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
     answer = learner.predict(averaged=True)(characters, goals, positions, root)
@@ -166,7 +166,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         objects[:: max(1, len(objects) // options.limit)][: options.limit], action="sit", remembered=options.poses
     )
     poses = {name.removeprefix("start."): pose for name, pose in start_poses(figure, dataset).items()}
-    dataset = dataset.emphasised(EMPHASIS)
     plan = {"updates": options.updates, "seed": options.seed, "goals": len(goals)}
     ledger = Ledger(options.json, plan, summarise=summarise)
     for name in ledger.pending(options.variants):

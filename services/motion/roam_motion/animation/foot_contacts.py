@@ -32,7 +32,7 @@ _FASTEST = (
     0.06,
     0.07,
 )  # [m] an ankle moves per frame at most, walking at 0.9 m/s (3 m/s), seated, stepping by rule
-_FASTER = 0.075, 0.9, 1.3  # [m] that it may move farther when walking faster: all of it at 1.3 m/s
+_FASTER = 0.055, 0.9, 1.6  # [m] that it may move farther when walking faster: all of it at 1.6 m/s
 _YIELD = 0.012  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _STRIDE = 15  # frames over which the speed is measured

@@ -13,10 +13,14 @@ _TOES = ((0.055, 0.25), (0.075, 0.55))
 _LONGEST_CYCLE = 4.0  # [s] a gait phase wraps at the latest after this long
 _RAMP = 0.5  # [s] soft labels go from 0 to 1 in this time
 
+LOCOMOTION = ("idle", "walk", "turn", "jog", "run", "sneak")  # labels of going about and standing about
 _ACTION_OF = {
     "idle": "idle",
     "walk": "walk",
     "turn": "walk",
+    "jog": "walk",  # how fast is told by the root's path
+    "run": "walk",
+    "sneak": "walk",
     "sit-down": "sit",
     "sit": "sit",
     "stand-up": "sit",

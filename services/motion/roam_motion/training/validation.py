@@ -36,9 +36,7 @@ def rollout_scores(
     roots, poses, goals, slides = [], [], [], []
     previous = figure.positions(characters.hips, characters.orientations)
     for _ in range(_FRAMES):
-        characters, positions, distance = advance(
-            figure, predict, characters, dataset.goals(figure, at), parts.blending()
-        )
+        characters, positions, distance = advance(figure, predict, characters, dataset.goals(at), parts.blending())
         running = at < dataset.last[at]
         at = torch.minimum(at + 1, dataset.last[at])
         truth = figure.positions(dataset.hips[at], dataset.orientations[at])
