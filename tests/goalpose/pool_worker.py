@@ -6,7 +6,7 @@ from dataclasses import replace
 from unittest import mock
 
 from poser import Poser
-from roam_goalpose.solvers import gauss_newton as newton
+from roam_goalpose.energy.objective import Objective
 from roam_goalpose.solvers.progress import Cancelled, Progress
 from roam_goalpose.synthesis import RequestError, Synthesizer
 
@@ -33,7 +33,7 @@ class Actor(Poser):
 
 
 class Counter(Synthesizer):
-    """The real one. After as many iterations as the seed says it waits until its caller has left; then it refuses with
+    """The real one. From the iteration that the seed says it waits until its caller has left; then it refuses with
     the number of iterations that began after that."""
 
     def synthesize(self, shape, request, *, progress=None, cancelled=None):
@@ -45,12 +45,12 @@ class Counter(Synthesizer):
 
         def tell(told):
             progress(told)
-            while told.iteration == request.seed > 0 and not cancelled():
+            while told.iteration >= request.seed > 0 and not cancelled():
                 time.sleep(0.005)
                 progress(told)  # the pool leaves out what comes too often
 
-        plain = newton.expand
-        with mock.patch.object(newton, "expand", expand):
+        plain = Objective.expand
+        with mock.patch.object(Objective, "expand", expand):
             try:
                 return super().synthesize(shape, request, progress=tell, cancelled=cancelled)
             except Cancelled:

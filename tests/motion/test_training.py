@@ -8,13 +8,14 @@ from roam_character.formats.bvh import write_bvh
 from roam_character.pose import rest_pose
 from roam_character.rotation import quat_slerp
 from roam_character.skeleton import humanoid_skeleton
-from roam_motion.animation.features import encode_targets
 from roam_motion.animation.figure import humanoid_figure
-from roam_motion.training import labels, motion
+from roam_motion.animator import Animator
+from roam_motion.models.lnsm.features import encode_targets
+from roam_motion.training import labels, motion, publish
 from roam_motion.training.dataset import build
-from roam_motion.training.episodes import interaction, locomotion
+from roam_motion.training.episodes import locomotion
 from roam_motion.training.expert import returning
-from roam_motion.training.goals import Bank, Key, ankles, sitting_goal
+from roam_motion.training.goals import Key, ankles, sitting_goal
 from roam_motion.training.library import LibraryConfig, load_library
 from roam_motion.training.recordings import Recording, Span, read_folder
 from standing import seated_pose
@@ -72,22 +73,6 @@ def recording():
     return Recording("made/up", clip, None, None, spans)
 
 
-def test_an_interaction_holds_its_new_goal_and_its_feet_do_not_slide():
-    made, rng = recording(), np.random.default_rng(1)
-    bank = [Key(p.root_position, p.rotations) for p in (seated_pose(), seated_pose(0.5))]
-    for _ in range(3):
-        episode = interaction(made, made.spans[0], {"sit": Bank(bank)}, rng)
-        goal = episode.goals[0][0]
-        held = np.linalg.norm(episode.clip.root_positions - goal.hips, axis=-1)
-        assert held.min() < 0.01
-        assert (episode.intent[episode.goal == 0] == 2).all()
-        positions = episode.clip.positions()
-        assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.15
-        feet = positions[:, FIGURE.contacts.numpy()[[0, 2]]][..., [0, 2]]
-        planted = episode.contacts[1:, [0, 2]] & episode.contacts[:-1, [0, 2]]
-        assert np.linalg.norm(np.diff(feet, axis=0), axis=-1)[planted].mean() < 0.004
-
-
 def test_sitting_goals_vary_and_keep_their_feet_on_the_floor():
     rng = np.random.default_rng(0)
     bank = [Key(p.root_position, p.rotations) for p in (seated_pose(), seated_pose(0.5))]
@@ -137,3 +122,59 @@ def test_the_library_is_cached(folder, tmp_path):
     again, _, _ = load_library(FIGURE, config, tmp_path / "cache")
     torch.testing.assert_close(first.hips, again.hips)
     assert report["rejects"][0]["file"] == "broken.bvh"
+
+
+def test_training_judges_checkpoints_on_approaches_too(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("roam_motion.training.validation._CHARACTERS", 2)
+    monkeypatch.setattr("roam_motion.training.validation._FRAMES", 4)
+    monkeypatch.setattr("roam_motion.training.approaches._FRAMES", 12)
+    monkeypatch.setattr("roam_motion.training.approaches._LEAVING", 8)
+    small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]
+    common = ["--bvh", str(folder), "--out", str(tmp_path / "run"), "--cache", str(tmp_path / "cache")]
+    assert motion.main([*common, *small, "--minutes", "0.01"]) == 0
+    scores = json.loads((tmp_path / "run" / "validation.jsonl").read_text().splitlines()[-1])
+    assert scores["reached"] == 0.0
+    rolled = sum(scores[name] for name in ("root", "pose", "goal")) + 0.2 * scores["slide"]
+    assert scores["score"] == pytest.approx(rolled + scores["people"])
+    assert scores["people"] >= 0.3
+
+
+def test_twisted_and_displaced_feet_are_asked_to_step_the_worse_one_first():
+    dataset = build(FIGURE, locomotion(recording(), humanoid_skeleton()), [1.0] * 2)
+    at = torch.tensor([20, 20, 20])
+    truth, ahead = dataset.characters(FIGURE, at), dataset.targets(FIGURE, at)
+    assert bool((ahead.contacts > 0.5).all())
+    drifted = dataset.characters(FIGURE, at)
+    turn = torch.tensor([[[0.77, 0, 0.64], [0, 1, 0], [-0.64, 0, 0.77]]])  # 40 degrees about the vertical
+    left = humanoid_skeleton().indices(["leftFoot", "leftToes"])
+    drifted.orientations = drifted.orientations.clone()
+    drifted.orientations[1][left] = turn @ drifted.orientations[1][left]
+    positions = FIGURE.positions(drifted.hips, drifted.orientations)
+    right = FIGURE.contacts[2:]
+    positions[2][right] += torch.tensor([-0.2, 0.0, 0.0])  # as far to the side as legs that were crossed
+    asked = returning(FIGURE, drifted, positions, truth, ahead, dataset.goals(at))
+    assert (asked.contacts > 0.5).tolist() == [[True] * 4, [False, False, True, True], [True, True, False, False]]
+    lifted = asked.positions[2, right[0]] - ahead.positions[2, right[0]]
+    assert 0.03 < float(lifted[1]) < 0.06
+    assert -0.2 < float(lifted[0]) < -0.1  # on its way back
+
+
+@pytest.mark.parametrize(("folders_name", "file"), [("clips", "motion"), ("hdm05_clips", "motion-cc-by-sa")])
+def test_weights_are_published_in_a_file_of_their_licence(folder, folders_name, file, tmp_path, monkeypatch):
+    monkeypatch.setattr("roam_motion.training.validation._CHARACTERS", 2)
+    monkeypatch.setattr("roam_motion.training.validation._FRAMES", 4)
+    monkeypatch.setattr("roam_motion.training.approaches._FRAMES", 12)
+    monkeypatch.setattr("roam_motion.training.approaches._LEAVING", 8)
+    clips = folder.rename(tmp_path / folders_name)
+    run, cache, weights = tmp_path / "run", ["--cache", str(tmp_path / "cache")], tmp_path / "weights"
+    small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]
+    asked = ["--share-alike"] if file != "motion" else []
+    assert motion.main(["--bvh", str(clips), "--out", str(run), *cache, *small, *asked, "--minutes", "0.01"]) == 0
+    assert publish.main([str(run / "best.pt"), "--weights", str(weights), *cache]) == 0
+    assert [path.name for path in weights.glob("*.safetensors")] == [f"{file}.safetensors"]
+    entry = json.loads((weights / "manifest.json").read_text())[f"{file}.safetensors"]
+    assert entry["licence"] == ("CC-BY-SA-3.0" if asked else "Apache-2.0")
+    assert entry["data"]["folders"] == [folders_name]
+    assert entry["data"]["rejects"] == 1
+    assert sum(entry["data"]["train"]["shares_percent"].values()) == pytest.approx(100, abs=1)
+    assert Animator.load(weights / f"{file}.safetensors").figure is FIGURE

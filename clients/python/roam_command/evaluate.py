@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|throughput|load`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|rigs|throughput|load`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -28,3 +28,8 @@ def throughput(context: typer.Context) -> None:
 def load(context: typer.Context) -> None:
     """How many characters a motion server carries, and how evenly their frames come (`--help` lists its options)."""
     delegate("roam_evaluation.service.load", context.args, name="roam evaluate load")
+
+
+def rigs(context: typer.Context) -> None:
+    """Bones of foreign characters, and how exactly poses arrive on them (`--help` lists its options)."""
+    delegate("roam_evaluation.character.rigs", context.args, name="roam evaluate rigs")

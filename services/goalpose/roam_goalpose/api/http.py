@@ -16,8 +16,9 @@ from roam_serving.problems import problem
 from sse_starlette import EventSourceResponse
 from starlette.datastructures import UploadFile
 
-from roam_goalpose.api.messages import progress_message
+from roam_goalpose.api.messages import goal_pose_message, object_message, progress_message, reference_message
 from roam_goalpose.api.request_schemas import CreateReferencePoseJson, SynthesizeJson
+from roam_goalpose.api.requests import query_from_message, reference_from_message
 from roam_goalpose.api.schemas import (
     GoalPoseJson,
     JobJson,
@@ -26,12 +27,12 @@ from roam_goalpose.api.schemas import (
     ReferencePoseJson,
     ReferencePosesJson,
 )
-from roam_goalpose.api.wanted import Wanted
 from roam_goalpose.errors import from_object_error
 from roam_goalpose.objects import FORMATS, ObjectError, format_of
 from roam_goalpose.objects.formats import sniff
-from roam_goalpose.service.application import Answer, GoalPoseApplication
+from roam_goalpose.service.application import GoalPoseApplication
 from roam_goalpose.service.jobs import Job, Jobs, JobState
+from roam_goalpose.service.queries import Answer, PoseQuery
 
 log = get_log("roam_goalpose.api.http")
 
@@ -104,22 +105,24 @@ def goalpose_router(application: Callable[[], GoalPoseApplication], jobs: Callab
     ) -> ObjectJson:
         upload = await _read_upload(request, format, unit, up)
         chosen = upload.chosen_format(_media_type(request))
-        return ObjectJson.of(await application().upload(upload.data, chosen, upload.unit, upload.up))
+        stored = await application().upload(upload.data, chosen, upload.unit, upload.up)
+        return ObjectJson.of(object_message(stored))
 
     @router.get("/objects/{object}", summary="Read what is known of an object")
     async def get_object(object: str) -> ObjectJson:
-        return ObjectJson.of(application().object(f"objects/{object}"))
+        return ObjectJson.of(object_message(application().object(f"objects/{object}")))
 
     @router.get("/reference-poses", summary="List the poses that can be adapted")
     async def list_reference_poses(
         include_points: Annotated[bool, Query(description="also send the reference objects' surfaces")] = False,
     ) -> ReferencePosesJson:
-        poses = application().reference_poses(include_points=include_points)
-        return ReferencePosesJson(reference_poses=[ReferencePoseJson.of(pose) for pose in poses])
+        messages = [reference_message(pair, include_points=include_points) for pair in application().reference_poses()]
+        return ReferencePosesJson(reference_poses=[ReferencePoseJson.of(message) for message in messages])
 
     @router.post("/reference-poses", status_code=201, summary="Put a reference pose of your own on an uploaded object")
     async def create_reference_pose(body: CreateReferencePoseJson) -> ReferencePoseJson:
-        return ReferencePoseJson.of(application().create_reference(body.message()))
+        pair = application().create_reference(reference_from_message(body.message()))
+        return ReferencePoseJson.of(reference_message(pair, include_points=False))
 
     _add_goal_poses(router, application, jobs)
     _add_jobs(router, jobs)
@@ -148,15 +151,15 @@ def _add_goal_poses(
         idempotency_key: Annotated[str, Header(max_length=128, description="makes sending again safe")] = "",
     ) -> GoalPoseJson | Response:
         service = application()
-        wanted = await service.check(body.message())
-        if "respond-async" in prefer and service.cached(wanted) is None:
-            return _job_response(jobs().start(wanted, idempotency_key), 202)
-        jobs().use_key(wanted, idempotency_key)
+        query = await service.check(query_from_message(body.message()))
+        if "respond-async" in prefer and service.cached(query) is None:
+            return _job_response(jobs().start(query, idempotency_key), 202)
+        jobs().use_key(query, idempotency_key)
         if "text/event-stream" in accept:
-            return EventSourceResponse(_events(service, wanted))
-        answer = await _answer(service, wanted, request)
+            return EventSourceResponse(_events(service, query))
+        answer = await _answer(service, query, request)
         response.headers["X-Roam-Cache"] = "hit" if answer.cached else "miss"
-        return GoalPoseJson.of(answer.goal_pose)
+        return GoalPoseJson.of(goal_pose_message(answer.goal_pose))
 
 
 def _add_jobs(router: APIRouter, jobs: Callable[[], Jobs]) -> None:
@@ -178,9 +181,9 @@ def _job_response(job: Job, status: int) -> Response:
     return Response(content, status_code=status, media_type="application/json", headers=headers)
 
 
-async def _answer(service: GoalPoseApplication, wanted: Wanted, request: Request) -> Answer:
+async def _answer(service: GoalPoseApplication, query: PoseQuery, request: Request) -> Answer:
     """The answer, unless the caller hangs up first: then the optimisation stops."""
-    answering = asyncio.ensure_future(service.answer(wanted))
+    answering = asyncio.ensure_future(service.answer(query))
     leaving = asyncio.ensure_future(_hung_up(request))
     try:
         await asyncio.wait({answering, leaving}, return_when=asyncio.FIRST_COMPLETED)
@@ -197,13 +200,16 @@ async def _hung_up(request: Request) -> None:
         pass
 
 
-async def _events(service: GoalPoseApplication, wanted: Wanted) -> AsyncIterator[dict[str, str]]:
+async def _events(service: GoalPoseApplication, query: PoseQuery) -> AsyncIterator[dict[str, str]]:
     """Server-sent events: `progress` …, then `goal_pose`, or `error` with a problem document."""
     try:
-        async with aclosing(service.synthesize(wanted)) as items:
+        async with aclosing(service.synthesize(query)) as items:
             async for item in items:
                 if isinstance(item, Answer):
-                    yield {"event": "goal_pose", "data": GoalPoseJson.of(item.goal_pose).model_dump_json()}
+                    yield {
+                        "event": "goal_pose",
+                        "data": GoalPoseJson.of(goal_pose_message(item.goal_pose)).model_dump_json(),
+                    }
                 else:
                     yield {"event": "progress", "data": ProgressJson.of(progress_message(item)).model_dump_json()}
     except Exception as error:

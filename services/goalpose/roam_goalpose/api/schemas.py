@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from roam.v1 import goal_pose_pb2, skeleton_pb2
 from roam_serving.problems import problem
 
-from roam_goalpose.api.messages import ACTIONS, progress_message
+from roam_goalpose.api.messages import ACTIONS, goal_pose_message, progress_message
 from roam_goalpose.api.request_schemas import SkeletonJson, rows
 from roam_goalpose.service.jobs import Job
 
@@ -233,7 +233,7 @@ class JobJson(BaseModel):
             state=job.state.value,
             created=job.created,
             progress=None if job.progress is None else ProgressJson.of(progress_message(job.progress)),
-            goal_pose=None if job.goal_pose is None else GoalPoseJson.of(job.goal_pose),
+            goal_pose=None if job.goal_pose is None else GoalPoseJson.of(goal_pose_message(job.goal_pose)),
             error=None if job.error is None else problem(job.error),
         )
 

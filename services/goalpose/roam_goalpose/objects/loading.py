@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from roam_character.distance import turn_about_y
 
 from roam_goalpose.objects.axes import check_up, up_rotation
-from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.errors import ObjectError
 from roam_goalpose.objects.geometry import Array, Geometry
 from roam_goalpose.objects.heading import find_heading

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-
-from roam_goalpose.objects.distance import DistanceGrid
+from roam_character.distance import DistanceGrid
 
 Floats = npt.NDArray[np.float32]
 

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from roam_character.distance import DistanceGrid
 from scipy import ndimage
 
-from roam_goalpose.objects.distance import DistanceGrid
 from roam_goalpose.objects.windows import largest_near, smallest_near
 
 Floats = npt.NDArray[np.float32]

@@ -13,8 +13,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
+from roam_character.distance import DistanceGrid
 
-from roam_goalpose.objects.distance import DistanceGrid
 from roam_goalpose.objects.shape import Shape, ShapeWarning
 
 READY: Mapping[str, Any] = {"ready": True}

@@ -1,32 +1,29 @@
 """Episodes: stretches of motion with an intent and a goal at every frame, real or warped towards a new goal pose.
 
-An interaction episode approaches, sits (or lies) down, holds, and leaves. Its frames are bent towards the goal pose
-with a weight that rises to one at the first held frame, as local rotations, so limbs stay limbs. Planted feet stay
-planted: a foot whose place in the goal pose differs from where the clip put it makes one small adjusting step,
-lifted, late in the descent (and back before rising). While held, the clip's own fidgeting remains at a sixth of its
-size: living, but at the goal.
+A lying episode approaches, lies down, holds, and gets up. Its frames are bent towards the goal pose with a weight that
+rises to one at the first held frame, as local rotations, so limbs stay limbs. While held, the clip's own fidgeting
+remains at a sixth of its size: living, but at the goal. Sitting episodes are made in sitting.py.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from roam_character.clip import Clip
-from roam_character.kinematics import facing, forward_kinematics, limb, reach_with_limb
-from roam_character.rotation import quat_inv, quat_mul, quat_nlerp, quat_rotate, quat_slerp
+from roam_character.kinematics import facing
+from roam_character.rotation import quat_inv, quat_mul, quat_slerp
 from roam_character.skeleton import Skeleton
 
+from roam_motion.actions import IDLE, LIE, WALK
 from roam_motion.animation.figure import CONTACT_JOINTS
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training import labels
-from roam_motion.training.goals import LEGS, Bank, Key, aligned, new_goal
+from roam_motion.training.goals import Bank, Key, aligned, new_goal
 from roam_motion.training.recordings import Recording, Span
 
-IDLE, WALK, SIT, LIE = range(4)
 _LIVING = 0.15  # share of the clip's own motion that remains while held
-_ADJUST = 12  # frames of an adjusting step
-_LIFT = 0.035  # its height [m]
 _BEFORE = 80  # frames of approach kept
 _AFTER = 60  # frames after standing up kept
+_SHORTEST = 30  # frames of a stretch of locomotion
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Episode:
     contacts: np.ndarray  # [T, 4] bool
     styles: np.ndarray  # [T, 4] soft labels
     phase: np.ndarray  # [T] turns, unwrapped
-    intent: np.ndarray  # [T] index into ACTIONS
+    intent: np.ndarray  # [T] index into STYLES
     goal: np.ndarray  # [T] index into goals, or -1
     horizon: np.ndarray  # [T] last frame whose root the path goals of this frame may show
     goals: tuple[tuple[Key, bool], ...]  # pose and whether it is an interaction (False: only its root, to stand at)
@@ -46,13 +43,13 @@ class Episode:
 
 def locomotion(recording: Recording, skeleton: Skeleton) -> list[Episode]:
     """The walking, turning and standing stretches of a recording."""
-    contacts, styles, phase, names = _labels(recording)
+    contacts, styles, phase, names = labelled(recording)
     free = np.ones(len(recording.clip), bool)
     for span in recording.spans:
         free[(span.down or 0) : (span.up or len(free)) + 1] = False
-    free &= np.array([n in ("idle", "walk", "turn") for n in names])
+    free &= np.array([n in labels.LOCOMOTION for n in names])
     out = []
-    for first, last in _stretches(free, 60):
+    for first, last in _stretches(free, _SHORTEST):
         cut = slice(first, last + 1)
         idle = np.array([n == "idle" for n in names[cut]])
         count = last - first + 1
@@ -63,7 +60,7 @@ def locomotion(recording: Recording, skeleton: Skeleton) -> list[Episode]:
                 contacts[cut],
                 styles[cut],
                 phase[cut],
-                np.where(idle, IDLE, WALK),
+                np.where(idle, IDLE.column, WALK.column),
                 np.full(count, -1),
                 np.full(count, count - 1),
                 (),
@@ -77,7 +74,8 @@ def _stretches(mask: np.ndarray, shortest: int) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= shortest]
 
 
-def _labels(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+def labelled(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Contacts [T, 4], soft styles [T, 4], gait phase [T] and label names of a recording at its own rate."""
     clip = recording.clip
     positions = clip.positions()
     joints = clip.skeleton.indices(CONTACT_JOINTS)
@@ -99,34 +97,23 @@ def _labels(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, l
     return contacts, labels.soft_actions(names, clip.frame_rate), labels.find_phase(contacts, clip.frame_rate), names
 
 
-def interaction(recording: Recording, span: Span, banks: dict[str, Bank], rng: np.random.Generator) -> Episode | None:
-    """One span bent towards a new goal pose; None when the span is too short to be of use."""
+def lying(recording: Recording, span: Span, banks: dict[str, Bank], rng: np.random.Generator) -> Episode | None:
+    """One lying span bent towards a new goal pose; None when the span is too short to be of use."""
     clip, skeleton = recording.clip, recording.clip.skeleton
     if span.last - span.first < 4:
         return None
-    first_key, last_key = (Key(clip.root_positions[t], clip.rotations[t]) for t in (span.first, span.last))
-    goal = new_goal(skeleton, span.action, banks[span.action], first_key, rng)
-    goal = aligned(skeleton, goal, first_key, rng, by_feet=span.action == "sit")
-    return _bent(recording, span, goal, (first_key, last_key), rng)
-
-
-def _bent(recording: Recording, span: Span, goal: Key, keys: tuple[Key, Key], rng: np.random.Generator) -> Episode:
-    clip, skeleton = recording.clip, recording.clip.skeleton
+    keys = tuple(Key(clip.root_positions[t], clip.rotations[t]) for t in (span.first, span.last))
+    goal = new_goal(skeleton, span.action, banks[span.action], keys[0], rng)
+    goal = aligned(skeleton, goal, keys[0], rng, by_feet=False)
     down = span.down if span.down is not None else span.first
     up = span.up if span.up is not None else span.last
-    start, end = max(0, down - _BEFORE), min(len(clip) - 1, up + _AFTER)
-    if span.down is None:
-        start = span.first
-    if span.up is None:
-        end = span.last
+    start = span.first if span.down is None else max(0, down - _BEFORE)
+    end = span.last if span.up is None else min(len(clip) - 1, up + _AFTER)
     order, weight, living, lead = _timeline(span, start, end, rng)
-    hips, rotations = _warp(clip, keys, goal, order, weight, living, lead)
-    contacts, styles, phase, _ = _labels(recording)
+    hips, rotations = _warp(clip, (keys[0], keys[1]), goal, order, weight, living, lead)
+    contacts, styles, phase, _ = labelled(recording)
     contacts, phase = contacts[order].copy(), _continued(phase, order)
     bent = Clip(skeleton, clip.frame_rate, hips.astype(np.float32), rotations.astype(np.float32))
-    if span.action == "sit":
-        marks = [int(np.argmax(order >= t)) for t in (down, span.first, span.last, up)]
-        bent, contacts = _planted(clip, order, bent, goal, contacts, marks, rng)
     return _episode(recording, span, bent, (contacts, styles[order], phase), order, goal, (down, up), rng)
 
 
@@ -148,9 +135,9 @@ def _timeline(
     down = span.down if span.down is not None else span.first
     up = span.up if span.up is not None else span.last
     # The pull begins before the descent, so that body and goal meet without haste.
-    weight[:before] = _smooth((np.arange(start, span.first) - (down - 20)) / (span.first - down + 20 + 1e-6))
+    weight[:before] = smooth((np.arange(start, span.first) - (down - 20)) / (span.first - down + 20 + 1e-6))
     if after:
-        weight[-after:] = _smooth((up + 10 - np.arange(span.last + 1, end + 1)) / (up + 10 - span.last + 1e-6))
+        weight[-after:] = smooth((up + 10 - np.arange(span.last + 1, end + 1)) / (up + 10 - span.last + 1e-6))
     living = np.zeros(len(order), np.float32)
     middle = int(lead.sum())
     rise = np.minimum(np.abs(np.arange(len(held)) - middle) / 10.0, 1.0)
@@ -160,7 +147,8 @@ def _timeline(
     return order, weight, living, leads
 
 
-def _smooth(x: np.ndarray) -> np.ndarray:
+def smooth(x: np.ndarray) -> np.ndarray:
+    """0 to 1 over [0, 1], speed and acceleration zero at both ends."""
     x = np.clip(x, 0, 1)
     return np.asarray(x * x * x * (x * (6 * x - 15) + 10), np.float32)
 
@@ -205,60 +193,6 @@ def _continued(phase: np.ndarray, order: np.ndarray) -> np.ndarray:
     return np.asarray(phase[order[0]] + np.cumsum(change), np.float32)
 
 
-def _planted(
-    source: Clip,
-    order: np.ndarray,
-    bent: Clip,
-    goal: Key,
-    contacts: np.ndarray,
-    marks: list[int],
-    rng: np.random.Generator,
-) -> tuple[Clip, np.ndarray]:
-    """Legs by IK: feet where the clip has them, in between one adjusting step to the goal's place and one back."""
-    skeleton = source.skeleton
-    own = source.posture()
-    own_positions, own_turns = own.positions[order], own.orientations[order]
-    there = forward_kinematics(skeleton, goal.hips, goal.rotations)
-    down, first, last, up = marks
-    rotations = bent.rotations.copy()
-    gap = int(rng.integers(6, 18))
-    sides = rng.permutation(2)
-    arrive = int(down + (0.6 + 0.4 * rng.random()) * (first - down))
-    leave = max(last - int(rng.integers(20, 40)), arrive + 2 * _ADJUST + gap)
-    for turn, side in enumerate(sides):
-        which = limb(skeleton, LEGS[side])
-        begin, back = arrive + turn * gap, leave + turn * (gap // 2)
-        share, lift = _adjusting(len(order), begin, back, has_rise=up > last, has_fall=first > 0)
-        target = own_positions[:, which.end] * (1 - share[:, None]) + there.positions[which.end] * share[:, None]
-        far = float(np.linalg.norm(own_positions[first, which.end] - there.positions[which.end]))
-        target[:, 1] += lift * min(1.0, far / 0.05)
-        posture = forward_kinematics(skeleton, bent.root_positions, rotations)
-        ahead = np.broadcast_to([0.0, 0.0, 1.0], target.shape).astype(np.float32)
-        bend = quat_rotate(posture.orientations[:, which.upper], ahead)
-        legs = reach_with_limb(skeleton, which, posture, target.astype(np.float32), bend=bend)
-        rotations[:, list(which)] = legs
-        posture = forward_kinematics(skeleton, bent.root_positions, rotations)
-        goal_turns = np.broadcast_to(there.orientations[which.end], own_turns[:, which.end].shape)
-        foot = quat_nlerp(own_turns[:, which.end], goal_turns, share[:, None])
-        rotations[:, which.end] = quat_mul(quat_inv(posture.orientations[:, which.lower]), foot)
-        if far > 0.012:
-            contacts[lift > 1e-4, 2 * side : 2 * side + 2] = False
-        settled = (share >= 1) & (there.positions[which.end][1] < 0.11)
-        contacts[settled, 2 * side : 2 * side + 2] = True
-    return Clip(skeleton, bent.frame_rate, bent.root_positions, rotations.astype(np.float32)), contacts
-
-
-def _adjusting(count: int, begin: int, back: int, *, has_rise: bool, has_fall: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the goal's foot place [T] and height of the lifted foot [T] [m]."""
-    t = np.arange(count)
-    share = _smooth((t - begin) / _ADJUST) if has_fall else np.ones(count, np.float32)
-    lift = np.sin(np.pi * np.clip((t - begin) / _ADJUST, 0, 1)) if has_fall else np.zeros(count)
-    if has_rise:
-        share = share * (1 - _smooth((t - back) / _ADJUST))
-        lift = lift + np.sin(np.pi * np.clip((t - back) / _ADJUST, 0, 1))
-    return share, _LIFT * lift
-
-
 def _episode(
     recording: Recording,
     span: Span,
@@ -272,15 +206,14 @@ def _episode(
     contacts, styles, phase = tracks
     count = len(order)
     down, up = upright
-    action = SIT if span.action == "sit" else LIE
-    # The command to sit comes a little before the descent, the command to rise a little before the rise.
+    # The command to lie comes a little before the descent, the command to rise a little before the rise.
     switch = int(np.argmax(order >= down)) - int(rng.integers(0, 25))
     switch = max(switch, 0)
     rise = int(np.argmax(order >= span.last)) - int(rng.integers(20, 40)) if span.up is not None else count
     stand = int(np.argmax(order >= up)) if span.up is not None else count
-    intent, at, horizon = np.full(count, WALK), np.full(count, -1), np.full(count, switch)
-    intent[switch:rise], at[switch:rise] = action, 0
-    intent[rise:stand], at[rise:stand] = IDLE, 1
+    intent, at, horizon = np.full(count, WALK.column), np.full(count, -1), np.full(count, switch)
+    intent[switch:rise], at[switch:rise] = LIE.column, 0
+    intent[rise:stand], at[rise:stand] = IDLE.column, 1
     horizon[stand:] = count - 1
     standing = Key(bent.root_positions[min(stand, count - 1)], bent.rotations[min(stand, count - 1)])
     return Episode(

@@ -14,17 +14,22 @@ import torch
 from safetensors import safe_open
 from torch import Tensor
 
-from roam_motion.animation.features import Inputs, network_config, widths
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import Predict
+from roam_motion.models.lnsm.config import WHOLE, Parts, network_config
+from roam_motion.models.lnsm.features import Inputs, output_widths
 from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
+from roam_motion.models.lnsm.predict import predicting
 from roam_motion.training.dataset import Dataset
-from roam_motion.training.parts import WHOLE, Parts
+from roam_motion.training.mirror import Mirror, mirror_of
 from roam_motion.training.rollout import Rollout
 
 # Blocks that carry the motion on (hips, feet) and single numbers among hundreds count more.
 _BLOCK_WEIGHTS = {"contacts": 3.0, "phase": 1.0, "trajectory": 0.7, "inverse_trajectory": 0.5, "inverse_axes": 0.7}
 _JOINT_WEIGHTS = {0: 6.0}
 _FEET_WEIGHT = 3.0
+_TRUNK = ("spine", "chest", "upperChest", "neck", "head")
+_TRUNK_WEIGHT = 2.5  # a lean that is missed by a little in every frame is missed altogether
 _AVERAGE_EVERY = 8  # updates between two steps of the weight average
 
 
@@ -83,9 +88,13 @@ class Learner:
     normaliser: Normaliser
     optimiser: torch.optim.Optimizer
     joints: int
-    parts: Parts = WHOLE
     seconds: float = 0.0
     updates: int = 0
+
+    @property
+    def parts(self) -> Parts:
+        """What the network has of the method."""
+        return self.network.config.parts
 
     def state(self) -> dict[str, object]:
         """Everything a resumed run needs."""
@@ -116,7 +125,11 @@ class Learner:
             module.load_state_dict(own)
         self.updates = int(metadata["updates"])
 
-    def predict(self, *, averaged: bool = False) -> Callable[[Inputs], Tensor]:
+    def predict(self, *, averaged: bool = False) -> Predict:
+        """The motion model of the current (or averaged) weights."""
+        return predicting(self.joints, self.parts, self.raw(averaged=averaged))
+
+    def raw(self, *, averaged: bool = False) -> Callable[[Inputs], Tensor]:
         """Raw inputs -> raw outputs with the current (or averaged) weights."""
         network, normaliser = self.averaged if averaged else self.network, self.normaliser
 
@@ -124,19 +137,19 @@ class Learner:
             columns = [normaliser.apply_to(n, getattr(inputs, n)) for n in ("frame", "goal", "gating")]
             return normaliser.undo("output", network(*columns))
 
-        return self.parts.of(self.joints, call)
+        return call
 
 
 def make_learner(figure: Figure, config: TrainingConfig, parts: Parts = WHOLE) -> Learner:
     """A fresh network and optimiser."""
     torch.manual_seed(config.seed)
     sizes = {"experts": config.experts, "encoding": config.encoding, "hidden": config.hidden}
-    shape = network_config(figure.joint_count, **sizes)
-    network = parts.network(shape)
+    shape = network_config(figure.joint_count, parts=parts, **sizes)
+    network = MotionNetwork(shape)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.rate, weight_decay=config.decay, betas=(0.9, 0.99), fused=True
     )
-    return Learner(network, copy.deepcopy(network), Normaliser(shape), optimiser, figure.joint_count, parts)
+    return Learner(network, copy.deepcopy(network), Normaliser(shape), optimiser, figure.joint_count)
 
 
 @torch.no_grad()
@@ -147,6 +160,7 @@ def fit_normaliser(learner: Learner, rollout: Rollout, rounds: int = 24) -> None
     for _ in range(rounds):
         rollout._restart(rollout.characters, torch.ones(len(rollout.at), dtype=torch.bool))
         inputs, output, active = rollout.example()
+        inputs = rollout.parts.seen(inputs)
         for name in ("frame", "goal", "gating"):
             columns[name].append(getattr(inputs, name))
         columns["output"].append(output)
@@ -164,7 +178,7 @@ def fit_normaliser(learner: Learner, rollout: Rollout, rounds: int = 24) -> None
 
 
 def _inverse_columns(figure: Figure) -> slice:
-    sizes = widths(figure.joint_count)
+    sizes = output_widths(figure.joint_count)
     start = sizes["positions"] + sizes["axes"]
     return slice(start, start + sizes["inverse_positions"] + sizes["inverse_axes"])
 
@@ -172,8 +186,11 @@ def _inverse_columns(figure: Figure) -> slice:
 def column_weights(figure: Figure, without: Parts = WHOLE) -> Tensor:
     """Loss weight of every output column, mean one; nought `without` the part that it belongs to."""
     parts = []
-    for name, width in widths(figure.joint_count).items():
+    trunk = figure.skeleton.indices(_TRUNK)
+    for name, width in output_widths(figure.joint_count).items():
         weight = torch.full((width,), _BLOCK_WEIGHTS.get(name, 1.0))
+        if name.endswith(("positions", "axes")):
+            weight.view(figure.joint_count, -1)[trunk] *= _TRUNK_WEIGHT
         if name in ("positions", "axes"):
             joints = weight.view(figure.joint_count, -1)
             for joint, value in _JOINT_WEIGHTS.items():
@@ -191,12 +208,20 @@ def learn(
     config: TrainingConfig,
     weights: Tensor,
     figure: Figure,
+    mirror: Mirror,
     generator: torch.Generator,
 ) -> float:
-    """One update; returns the loss."""
-    frame, goal, gating, output, active = memory.draw(config.batch, generator)
+    """One update on examples and their mirror images; returns the loss."""
+    frame, goal, gating, output, active = memory.draw((config.batch + 1) // 2, generator)
+    mirrored = mirror.inputs(Inputs(frame, goal, gating))
+    both = (torch.cat(pair) for pair in zip((frame, goal, gating), vars(mirrored).values(), strict=True))
+    seen, output, active = (
+        learner.parts.seen(Inputs(*both)),
+        torch.cat([output, mirror.output(output)]),
+        active.repeat(2),
+    )
     norm = learner.normaliser
-    inputs = [norm.apply_to(n, x) for n, x in (("frame", frame), ("goal", goal), ("gating", gating))]
+    inputs = [norm.apply_to(n, getattr(seen, n)) for n in ("frame", "goal", "gating")]
     error = learner.network(*inputs) - (output - norm.get_buffer("output_mean")) / norm.get_buffer("output_std")
     mask = torch.ones_like(output)
     mask[:, _inverse_columns(figure)] = active[:, None]
@@ -263,6 +288,7 @@ def train(
     if learner.updates == 0:
         fit_normaliser(learner, rollout)
     memory, weights, stop = Memory(config.memory), column_weights(figure, learner.parts), Stop()
+    mirror = mirror_of(figure)
     begin, before, saved = time.monotonic(), learner.seconds, time.monotonic()
     losses: list[float] = []
     aways: list[float] = []
@@ -273,7 +299,7 @@ def train(
             inputs, output, active = rollout.example()
         memory.add(inputs.frame, inputs.goal, inputs.gating, output, active)
         for _ in range(config.updates_per_step):
-            losses.append(learn(learner, memory, config, weights, figure, generator))
+            losses.append(learn(learner, memory, config, weights, figure, mirror, generator))
         aways.append(rollout.step(learner.predict(), horizon_at(progress, config)))
         learner.seconds = before + time.monotonic() - begin
         if learner.updates % 200 == 0:
@@ -312,9 +338,10 @@ def checkpoint(run: Path, learner: Learner, scores: dict[str, float]) -> None:
         file.write(json.dumps({"updates": learner.updates, "seconds": learner.seconds, **scores}) + "\n")
     best = run / "best.json"
     if not best.exists() or scores["score"] < json.loads(best.read_text())["score"]:
-        best.write_text(json.dumps({"updates": learner.updates, **scores}))
         torch.save(state, run / "best.tmp")
         (run / "best.tmp").replace(run / "best.pt")
+        (run / "best.json.tmp").write_text(json.dumps({"updates": learner.updates, **scores}))
+        (run / "best.json.tmp").replace(best)  # last: whoever reads the score finds the weights that reached it
 
 
 def config_json(config: TrainingConfig, extra: dict[str, object]) -> str:

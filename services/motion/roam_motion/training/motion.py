@@ -7,6 +7,7 @@ latest.pt and best.pt to its folder, stops cleanly on SIGINT or SIGTERM, and goe
 """
 
 import argparse
+import copy
 import hashlib
 import json
 import os
@@ -17,13 +18,23 @@ from pathlib import Path
 import torch
 
 from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animator import Animator
+from roam_motion.models.lnsm.predict import LnsmModel
+from roam_motion.training.approaches import approach_scores, held_out_goals
 from roam_motion.training.library import LibraryConfig, load_library
+from roam_motion.training.licences import LicenceError
 from roam_motion.training.loop import Learner, TrainingConfig, config_json, make_learner, train
 from roam_motion.training.validation import rollout_scores
-from roam_motion.training.weights import export
+from roam_motion.training.weights import export, start_poses
 
-EMPHASIS = 2.0  # sitting down and rising are short but hard
-_OWN_FOLDERS = ("cmu_footlock", "derived_seat", "derived_lie")
+_OWN_FOLDERS = (
+    "cmu_footlock",
+    "cmu_more_footlock",
+    "cmu_loop",
+    "reactidle_footlock",
+    "derived_seat",
+    "derived_lie",
+)
 
 
 def own_data() -> Path:
@@ -55,7 +66,10 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
     """The options that `library_of` reads."""
     parser.add_argument("--bvh", action="append", type=Path, metavar="DIR", help="folder of BVH files (repeatable)")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by evaluation.motion_goals")
+    parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by roam_evaluation.motion.goals")
+    parser.add_argument(
+        "--share-alike", action="store_true", help="clips under CC BY-SA may be used; so are the weights then"
+    )
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"), help="where prepared data are kept")
 
 
@@ -66,7 +80,8 @@ def library_of(options: argparse.Namespace) -> LibraryConfig | None:
     if missing:
         print(f"no such folder: {', '.join(map(str, missing))}; give --bvh DIR or set ROAM_DATA")
         return None
-    return LibraryConfig(tuple(map(str, folders)), options.goals and str(options.goals), options.seed)
+    goals = options.goals and str(options.goals)
+    return LibraryConfig(tuple(map(str, folders)), goals, options.seed, share_alike=options.share_alike)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -78,9 +93,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if library is None:
         return 2
     print("preparing the data (cached afterwards) …", flush=True)
-    dataset, held_out, summary = load_library(figure, library, options.cache)
+    try:
+        dataset, held_out, summary = load_library(figure, library, options.cache)
+    except LicenceError as error:
+        print(error)
+        return 2
     print(json.dumps(summary), flush=True)
-    dataset = dataset.emphasised(EMPHASIS)
     config = _config(options)
     run: Path = options.out
     run.mkdir(parents=True, exist_ok=True)
@@ -97,9 +115,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         config_json(config, {"init": _hash(options.init), "library": asdict(library), "data": summary})
     )
 
+    poses, starts = held_out_goals(figure, held_out), start_poses(figure, dataset)
+
     def validate(state: Learner) -> dict[str, float]:
         predict = state.predict(averaged=True)
         scores = rollout_scores(figure, held_out, predict, torch.Generator().manual_seed(1))
+        if poses and len(starts["start.height"]):
+            stances = {name.removeprefix("start."): stance for name, stance in starts.items()}
+            served = LnsmModel(figure, copy.deepcopy(state.averaged), state.normaliser, stances)
+            scores |= approach_scores(Animator(served), poses)
+            scores["score"] += scores["people"]
         print("validation", json.dumps({k: round(v, 4) for k, v in scores.items()}), flush=True)
         return scores
 

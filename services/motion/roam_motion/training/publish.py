@@ -1,5 +1,7 @@
 """Puts a checkpoint where the services find it: weights/motion.safetensors and its entry in weights/manifest.json.
 
+What was trained on share-alike clips goes into a file of its own, weights/motion-cc-by-sa.safetensors.
+
 python -m roam_motion.training.publish runs/mine/best.pt [--weights weights]
 """
 
@@ -15,9 +17,10 @@ import torch
 
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.training.library import LibraryConfig, load_library
+from roam_motion.training.licences import APACHE, SHARE_ALIKE
 from roam_motion.training.weights import export
 
-_KEY = "motion.safetensors"
+FILES = {APACHE: "motion.safetensors", SHARE_ALIKE: "motion-cc-by-sa.safetensors"}  # by the weights' licence
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,13 +38,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     library = LibraryConfig(**kept)
     figure = humanoid_figure()
     dataset, _, summary = load_library(figure, library, options.cache)
-    path = options.weights / _KEY
+    licence = str(summary["licence"])
+    name = FILES[licence]
+    path = options.weights / name
     scores = export(options.checkpoint, path, figure, dataset)
     entry = {
-        "file": _KEY,
+        "file": name,
+        "licence": licence,
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "skeleton": figure.skeleton.id,
-        "data": {"folders": [Path(f).name for f in library.folders], **summary, "rejects": len(summary["rejects"])},  # type: ignore[arg-type]
+        "data": {"folders": [Path(f).name for f in library.folders], **_counted(summary)},
         "recipe": {k: v for k, v in run.items() if k not in ("library", "data")},
         "updates": torch.load(options.checkpoint, weights_only=True)["updates"],
         "validation": scores,
@@ -51,10 +57,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     manifest = options.weights / "manifest.json"
     # Read again just before writing: the field's training writes its own entry to the same file.
     whole = json.loads(manifest.read_text()) if manifest.exists() else {}
-    whole[_KEY] = entry
+    whole[name] = entry
     manifest.write_text(json.dumps(whole, indent=2) + "\n")
     print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, {entry['updates']} updates, {json.dumps(scores)}")
     return 0
+
+
+def _counted(summary: dict[str, object]) -> dict[str, object]:
+    """A data summary with the numbers of files that were rejected and held out instead of their names."""
+    return {key: len(value) if isinstance(value, list) else value for key, value in summary.items()}
 
 
 if __name__ == "__main__":

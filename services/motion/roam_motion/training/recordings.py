@@ -18,6 +18,9 @@ from roam_character.skeleton import Skeleton
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training import labels
 
+SHORTEST = 1.0  # [s] of a clip that is of use: about one gait cycle
+_PLANTED = "_footlock"  # the ending of a folder whose clips are those of another one, with planted feet held still
+
 
 @dataclass(frozen=True)
 class Span:
@@ -85,8 +88,8 @@ def read_folder(folder: Path, skeleton: Skeleton) -> tuple[list[Recording], list
         except (RetargetError, ValueError, OSError) as error:
             rejects.append(Reject(path, str(error)))
             continue
-        if len(clip) < 2 * clip.frame_rate:
-            rejects.append(Reject(path, "shorter than two seconds"))
+        if clip.duration < SHORTEST:
+            rejects.append(Reject(path, f"shorter than {SHORTEST:g} seconds"))
             continue
         found.append(_recording(path, clip, segments.get(path.name), contacts.get(path.name), spans))
     return found, rejects
@@ -122,10 +125,15 @@ def _rows(path: Path) -> Iterator[dict[str, str]]:
             yield from csv.DictReader(file)
 
 
+def _speaks_of(row: dict[str, str], folder: Path) -> bool:
+    """Whether a table's row is about a clip of this folder, or of the one that it is the foot-locked form of."""
+    return Path(row["file"]).parent.name in (folder.name, folder.name.removesuffix(_PLANTED))
+
+
 def _segments(folder: Path) -> dict[str, list[tuple[int, int, str]]]:
     out: dict[str, list[tuple[int, int, str]]] = {}
     for row in [*_rows(folder / "SEGMENTS.csv"), *_rows(folder.parent / "SEGMENTS.csv")]:
-        if Path(row["file"]).parent.name in folder.name:
+        if _speaks_of(row, folder):
             out.setdefault(Path(row["file"]).name, []).append((int(row["start"]), int(row["end"]), row["label"]))
     return out
 
@@ -140,7 +148,7 @@ def _contacts(folder: Path) -> dict[str, list[tuple[int, int, int]]]:
 
 def _spans(folder: Path) -> dict[str, tuple[Span, ...]]:
     rows = list(_rows(folder / "CATALOG.csv")) or [
-        row for row in _rows(folder.parent / "CATALOG.csv") if Path(row["file"]).parent.name in folder.name
+        row for row in _rows(folder.parent / "CATALOG.csv") if _speaks_of(row, folder)
     ]
     if rows and "part" in rows[0]:
         return _composed_spans(rows)
