@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 from box_furniture import box_chair
 from roam_goalpose.objects import FORMATS, REASONS, ObjectError, format_of
-from roam_goalpose.objects.formats import check_content, check_format, sniff
+from roam_goalpose.objects.readers.registry import check_content, check_format, sniff
 
 
 @pytest.mark.parametrize("format", FORMATS)

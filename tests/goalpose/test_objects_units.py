@@ -1,6 +1,6 @@
 import pytest
 from roam_goalpose.objects import ObjectError
-from roam_goalpose.objects.units import choose_unit
+from roam_goalpose.objects.placing.units import choose_unit
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ from roam_goalpose.api.schemas import (
 from roam_goalpose.api.wanted import Wanted
 from roam_goalpose.errors import from_object_error
 from roam_goalpose.objects import FORMATS, ObjectError, format_of
-from roam_goalpose.objects.formats import sniff
+from roam_goalpose.objects.readers.registry import sniff
 from roam_goalpose.service.application import Answer, GoalPoseApplication
 from roam_goalpose.service.jobs import Job, Jobs, JobState
 

@@ -12,7 +12,7 @@ from roam_serving.skeletons import skeleton_message
 from roam_goalpose.assessment.diagnostics import PoseWarning
 from roam_goalpose.assessment.quality import PoseQuality, quality_of
 from roam_goalpose.objects import Shape
-from roam_goalpose.objects.axes import ROTATIONS
+from roam_goalpose.objects.placing.axes import ROTATIONS
 from roam_goalpose.objects.footprint import footprint
 from roam_goalpose.objects.volume import shape_volume
 from roam_goalpose.references.pairs import ReferencePair

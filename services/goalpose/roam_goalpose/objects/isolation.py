@@ -18,12 +18,12 @@ from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Self
 
-from roam_goalpose.objects.axes import check_up
+from roam_goalpose.objects.placing.axes import check_up
 from roam_goalpose.objects.errors import ObjectError
-from roam_goalpose.objects.formats import check_content, check_format
+from roam_goalpose.objects.readers.registry import check_content, check_format
 from roam_goalpose.objects.limits import Limits, check_bytes
 from roam_goalpose.objects.shape import Shape
-from roam_goalpose.objects.units import check_unit
+from roam_goalpose.objects.placing.units import check_unit
 from roam_goalpose.objects.wire import read_frame, unpack_shape, write_frame
 
 _log = logging.getLogger(__name__)

@@ -3,40 +3,47 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from roam_goalpose.objects.axes import check_up, up_rotation
+from roam_goalpose.objects.placing.axes import check_up
 from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.errors import ObjectError
 from roam_goalpose.objects.geometry import Array, Geometry
-from roam_goalpose.objects.heading import find_heading
+from roam_goalpose.objects.placing.heading import find_heading
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.reading import read_geometry
 from roam_goalpose.objects.shape import Shape, ShapeWarning
-from roam_goalpose.objects.surface import sample_surface
-from roam_goalpose.objects.tilt import FARTHEST, Tilt, find_tilt, stands, surface_centre
-from roam_goalpose.objects.units import check_unit, choose_unit
-from roam_goalpose.objects.upright import choose_up
-from roam_goalpose.objects.voxels import choose_pitch, signed_distance
+from roam_goalpose.objects.surfaces.surface import sample_surface
+from roam_goalpose.objects.placing.place import place
+from roam_goalpose.objects.placing.units import check_size, check_unit
+from roam_goalpose.objects.surfaces.voxels import choose_pitch, signed_distance
 
 _THINNEST = 0.02  # [m] no furniture's box is thinner
 _FARTHEST = 1000.0  # [m] beyond this from the origin float32 points lose a tenth of a millimetre
 
 
 def load_shape(
-    data: bytes, format: str, *, unit: str | None = None, up: str | None = None, limits: Limits | None = None
+    data: bytes,
+    format: str,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    size: float | None = None,
+    piece: str | None = None,
+    limits: Limits | None = None,
 ) -> Shape:
     """Read an object file into metres, +Y up.
 
     Args:
         data: the whole file.
-        format: one of `formats.FORMATS` (see `format_of`).
-        unit: `m cm mm in ft`; detected when None.
-        up: `y z x -y -z -x`; detected when None (glTF is Y-up by its specification, other formats Y or Z).
+        format: one of `readers.FORMATS` (see `format_of`).
+        unit: `m cm mm in ft`; when None as the file says, else detected.
+        up: `y z x -y -z -x`; when None as the file says, else detected.
+        size: height of the object in metres; goes before the unit.
+        piece: name or index of the one to take from a file of several; the best seat when None.
         limits: bounds on bytes and counts.
 
     Raises:
@@ -44,61 +51,26 @@ def load_shape(
     """
     unit = None if unit is None else check_unit(unit)
     up = None if up is None else check_up(up)
+    size = None if size is None else check_size(size)
     geometry = read_geometry(data, format, limits or Limits())
-    return shape_of(geometry, unit=unit, up=up)
+    return shape_of(geometry, unit=unit, up=up, size=size, piece=piece)
 
 
-def shape_of(geometry: Geometry, *, unit: str | None = None, up: str | None = None) -> Shape:
+def shape_of(
+    geometry: Geometry,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    size: float | None = None,
+    piece: str | None = None,
+) -> Shape:
     """Bring raw geometry to metres and +Y up, sample it and build its distance grid; raises like `load_shape`."""
-    warnings: list[ShapeWarning] = []
-    unit_guess = choose_unit(float(np.ptp(geometry.vertices, axis=0).max()), given=unit, hint=geometry.unit)
-    if unit_guess.doubt:
-        warnings.append(ShapeWarning("OBJECT_UNIT_UNSURE", unit_guess.doubt))
-    scaled = replace(geometry, vertices=geometry.vertices * unit_guess.metres)
-    _check_box(scaled.vertices)
-    rotation, doubts = _find_up(scaled, given=up)
-    warnings += doubts
+    placing = place(geometry, unit=unit, up=up, size=size)
+    world = replace(geometry, vertices=geometry.vertices @ (placing.rotation * placing.metres).T)
+    _check_box(world.vertices)
     transform = np.eye(4)
-    transform[:3, :3] = rotation * unit_guess.metres
-    return _assemble(replace(scaled, vertices=scaled.vertices @ rotation.T), transform, tuple(warnings))
-
-
-def _find_up(scaled: Geometry, *, given: str | None) -> tuple[Array, list[ShapeWarning]]:
-    """The rotation `[3, 3]` to +Y up, and what is doubtful about it; an axis that the caller gives is obeyed."""
-    warnings = []
-    up = given or scaled.up
-    if up is None:
-        up_guess = choose_up(*_samples(scaled))
-        up = up_guess.up
-        if up_guess.doubt:
-            warnings.append(ShapeWarning("OBJECT_UP_UNSURE", up_guess.doubt))
-    rotation = up_rotation(up)
-    tilt = _tilt(scaled, rotation, farthest=FARTHEST if given or scaled.up else math.pi)
-    if tilt is None:
-        return rotation, warnings
-    turned = tilt.sure and given is None
-    told = f"The object does not stand: it leans by {math.degrees(tilt.angle):.0f}°. "
-    told += "It was set on its feet." if turned else "It was left so; set it on its feet if it should stand."
-    leaning = ShapeWarning("OBJECT_TILTED", told)
-    return (tilt.turn @ rotation, [leaning]) if turned else (rotation, [*warnings, leaning])
-
-
-def _tilt(scaled: Geometry, rotation: Array, *, farthest: float) -> Tilt | None:
-    """What is missing for a mesh to stand, once `rotation` `[3, 3]` is applied; None when it stands or is a cloud."""
-    if scaled.faces is None:
-        return None
-    vertices = scaled.vertices @ rotation.T
-    centre = surface_centre(vertices[scaled.faces])
-    if stands(vertices, centre):
-        return None
-    points, normals = _samples(scaled)
-    return find_tilt(vertices, points @ rotation.T, normals @ rotation.T, centre=centre, farthest=farthest)
-
-
-def _samples(scaled: Geometry) -> tuple[Array, Array]:
-    """Shuffled samples of the surface [m] and their normals of either sign, both `[N, 3]` in the file's axes."""
-    samples, surface = sample_surface(scaled, choose_pitch(np.ptp(scaled.vertices, axis=0)))
-    return samples.points, np.asarray(surface.normals if samples.normals is None else samples.normals, np.float64)
+    transform[:3, :3] = placing.rotation * placing.metres
+    return _assemble(world, transform, (*geometry.notes, *placing.warnings))
 
 
 def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...]) -> Shape:
