@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roam_goalpose.objects.placing.axes import check_up
+from roam_goalpose.objects.cleaning.clean import clean
 from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.errors import ObjectError
 from roam_goalpose.objects.geometry import Array, Geometry
@@ -21,6 +22,8 @@ from roam_goalpose.objects.placing.place import place
 from roam_goalpose.objects.placing.units import check_size, check_unit
 from roam_goalpose.objects.surfaces.voxels import choose_pitch, signed_distance
 
+_LEVEL = 0.999  # cosine of an axis that still is the floor's
+_STANDS_ON = 0.08  # [m] at most between a floor that was cut off and what is left above it
 _THINNEST = 0.02  # [m] no furniture's box is thinner
 _FARTHEST = 1000.0  # [m] beyond this from the origin float32 points lose a tenth of a millimetre
 
@@ -65,15 +68,22 @@ def shape_of(
     piece: str | None = None,
 ) -> Shape:
     """Bring raw geometry to metres and +Y up, sample it and build its distance grid; raises like `load_shape`."""
-    placing = place(geometry, unit=unit, up=up, size=size)
+    cleaned = clean(geometry, up=up)
+    geometry, floor = cleaned.geometry, cleaned.floor
+    placing = place(geometry, unit=unit, up=up, size=size, level=None if floor is None else floor.up)
     world = replace(geometry, vertices=geometry.vertices @ (placing.rotation * placing.metres).T)
     _check_box(world.vertices)
     transform = np.eye(4)
     transform[:3, :3] = placing.rotation * placing.metres
-    return _assemble(world, transform, (*geometry.notes, *placing.warnings))
+    level = None
+    if floor is not None and float(placing.rotation[1] @ floor.up) > _LEVEL:
+        level = floor.height * placing.metres
+    return _assemble(world, transform, (*geometry.notes, *placing.warnings), level)
 
 
-def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...]) -> Shape:
+def _assemble(
+    world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...], level: float | None = None
+) -> Shape:
     """Sample geometry in metres and +Y up, and build its distance grid, both in the object's own axes.
 
     An upload turned about +Y then has the same samples and the same grid, turned.
@@ -87,6 +97,8 @@ def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, .
     points = (samples.points @ axes.T).astype(np.float32)
     bounds = np.stack([world.vertices.min(axis=0), world.vertices.max(axis=0)])
     floor = float(bounds[0, 1])
+    if level is not None and abs(level - floor) < _STANDS_ON:
+        floor = level
     return Shape(
         name=_name(points, transform),
         points=points,
