@@ -3,11 +3,11 @@ import pytest
 import trimesh
 from box_furniture import box, box_chair, box_sofa
 from roam_goalpose.objects.limits import Limits
+from roam_goalpose.objects.placing.upright import choose_up
+from roam_goalpose.objects.placing.upright_fit import accuracy, fit, fit_weights
 from roam_goalpose.objects.reading import read_geometry
 from roam_goalpose.objects.surfaces.sampling import sample_triangles, shuffled_subset, triangle_areas
 from roam_goalpose.objects.surfaces.surface import local_normals
-from roam_goalpose.objects.placing.upright import choose_up
-from roam_goalpose.objects.placing.upright_fit import accuracy, fit, fit_weights
 
 # file axes in which the object's own +Y is called z, facing any of the four ways
 Z_UP = trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])[:3, :3]

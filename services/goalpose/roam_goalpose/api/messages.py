@@ -12,8 +12,8 @@ from roam_serving.skeletons import skeleton_message
 from roam_goalpose.assessment.diagnostics import PoseWarning
 from roam_goalpose.assessment.quality import PoseQuality, quality_of
 from roam_goalpose.objects import Shape
-from roam_goalpose.objects.placing.axes import ROTATIONS
 from roam_goalpose.objects.footprint import footprint
+from roam_goalpose.objects.placing.axes import ROTATIONS
 from roam_goalpose.objects.volume import shape_volume
 from roam_goalpose.references.pairs import ReferencePair
 from roam_goalpose.solvers.progress import Progress
@@ -61,6 +61,10 @@ def object_message(shape: Shape, format: str) -> goal_pose_pb2.Object:
         point_count=len(shape.points),
         warnings=[goal_pose_pb2.Warning(reason=w.reason, message=w.message) for w in shape.warnings],
         footprint=outline_messages(shape),
+        pieces=[
+            goal_pose_pb2.Piece(name=p.name, chosen=p.chosen, bounds_min=p.bounds[:3], bounds_max=p.bounds[3:])
+            for p in shape.pieces
+        ],
     )
 
 

@@ -8,18 +8,19 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from roam_goalpose.objects.placing.axes import check_up
-from roam_goalpose.objects.cleaning.clean import clean
+from roam_goalpose.objects.cleaning.clean import Cleaned, clean
+from roam_goalpose.objects.cleaning.pieces import Piece, choose, list_pieces, split
 from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.errors import ObjectError
 from roam_goalpose.objects.geometry import Array, Geometry
-from roam_goalpose.objects.placing.heading import find_heading
 from roam_goalpose.objects.limits import Limits
+from roam_goalpose.objects.placing.axes import check_up, up_rotation
+from roam_goalpose.objects.placing.heading import find_heading
+from roam_goalpose.objects.placing.place import likely_up, place
+from roam_goalpose.objects.placing.units import LARGEST, METRES_PER, check_size, check_unit, too_large
 from roam_goalpose.objects.reading import read_geometry
-from roam_goalpose.objects.shape import Shape, ShapeWarning
+from roam_goalpose.objects.shape import Shape, ShapePiece, ShapeWarning
 from roam_goalpose.objects.surfaces.surface import sample_surface
-from roam_goalpose.objects.placing.place import place
-from roam_goalpose.objects.placing.units import check_size, check_unit
 from roam_goalpose.objects.surfaces.voxels import choose_pitch, signed_distance
 
 _LEVEL = 0.999  # cosine of an axis that still is the floor's
@@ -69,16 +70,49 @@ def shape_of(
 ) -> Shape:
     """Bring raw geometry to metres and +Y up, sample it and build its distance grid; raises like `load_shape`."""
     cleaned = clean(geometry, up=up)
-    geometry, floor = cleaned.geometry, cleaned.floor
-    placing = place(geometry, unit=unit, up=up, size=size, level=None if floor is None else floor.up)
-    world = replace(geometry, vertices=geometry.vertices @ (placing.rotation * placing.metres).T)
+    floor = cleaned.floor
+    pieces, chosen = _pieces(geometry, cleaned, unit=unit, up=up, size=size, wanted=piece)
+    object = pieces[chosen].geometry
+    placing = place(object, unit=unit, up=up, size=size, level=None if floor is None else floor.up)
+    turn = placing.rotation * placing.metres
+    world = replace(object, vertices=object.vertices @ turn.T)
     _check_box(world.vertices)
     transform = np.eye(4)
-    transform[:3, :3] = placing.rotation * placing.metres
+    transform[:3, :3] = turn
     level = None
     if floor is not None and float(placing.rotation[1] @ floor.up) > _LEVEL:
         level = floor.height * placing.metres
-    return _assemble(world, transform, (*geometry.notes, *placing.warnings), level)
+    warnings = [*cleaned.geometry.notes, *placing.warnings]
+    if len(pieces) == 1:
+        return _assemble(world, transform, tuple(warnings), level)
+    if piece is None:
+        told = f"The file holds {len(pieces)} pieces: {list_pieces(pieces)}. Piece {chosen} was taken; name another to change that."
+        warnings.append(ShapeWarning("OBJECT_PIECE_CHOSEN", told))
+    shape = _assemble(world, transform, tuple(warnings), level)
+    return replace(shape, pieces=tuple(_told(one, k == chosen, turn) for k, one in enumerate(pieces)))
+
+
+def _pieces(
+    geometry: Geometry, cleaned: Cleaned, *, unit: str | None, up: str | None, size: float | None, wanted: str | None
+) -> tuple[list[Piece], int]:
+    """The pieces of a file and which one to take; a room is refused unless one is named."""
+    left, floor = cleaned.geometry, cleaned.floor
+    axis = up or geometry.up
+    way = floor.up if floor is not None else up_rotation(axis or likely_up(left))[1]
+    pieces = split(left, up=way)
+    chosen = choose(pieces, wanted)
+    metres = METRES_PER[unit] if unit else geometry.metres
+    if size is None and wanted is None and metres is not None:
+        extent = float(np.ptp(geometry.vertices, axis=0).max()) * metres
+        if extent > LARGEST:
+            raise too_large(extent, metres, list_pieces(pieces) if len(pieces) > 1 else "")
+    return pieces, chosen
+
+
+def _told(piece: Piece, chosen: bool, turn: npt.NDArray[np.float64]) -> ShapePiece:
+    placed = piece.geometry.vertices @ turn.T
+    low, high = placed.min(axis=0).tolist(), placed.max(axis=0).tolist()
+    return ShapePiece(piece.name, chosen, (low[0], low[1], low[2], high[0], high[1], high[2]))
 
 
 def _assemble(

@@ -83,6 +83,13 @@ def place(
     return Placing(guess.metres, standing.rotation, tuple(warnings))
 
 
+def likely_up(geometry: Geometry) -> str:
+    """The axis that seems up in a geometry that says nothing."""
+    samples = surface_samples(geometry)
+    standing, _ = _choose(*samples, known=geometry.metres)
+    return next(axis for axis in _CANDIDATES if np.array_equal(standing.rotation, up_rotation(axis)))
+
+
 def _unit(extent: float, geometry: Geometry, standing: _Standing, *, unit: str | None, size: float | None) -> UnitGuess:
     if size is not None:
         return UnitGuess("", size / standing.height, "")

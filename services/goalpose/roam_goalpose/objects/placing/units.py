@@ -100,6 +100,17 @@ def declared_unit(extent: float, height: float, metres: float, expected: Size | 
     return UnitGuess(unit, metres, doubt)
 
 
+def too_large(extent: float, metres: float, pieces: str) -> ObjectError:
+    """The refusal of a room: what it is in metres, and what in it can be chosen."""
+    named = f" It holds {pieces}." if pieces else ""
+    message = f"The object's longest edge is {extent:.4g} m (one unit is {_length(metres)})"
+    remedy = (
+        "Choose one of its pieces (piece)." if pieces else "Send one piece of furniture, or give its height (size)."
+    )
+    error = _implausible(message, remedy)
+    return ObjectError(error.reason, field=error.field, message=error.message + named, remedy=remedy)
+
+
 def choose_unit(extent: float, height: float, expected: Size) -> UnitGuess:
     """The unit of a file that says nothing.
 

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
-from roam_goalpose.objects.placing.axes import up_rotation
 from roam_goalpose.objects.geometry import Array
+from roam_goalpose.objects.placing.axes import up_rotation
 
 Directions = npt.NDArray[np.floating]
 
