@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|throughput|load`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|uploads|throughput|load`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -28,3 +28,8 @@ def throughput(context: typer.Context) -> None:
 def load(context: typer.Context) -> None:
     """How many characters a motion server carries, and how evenly their frames come (`--help` lists its options)."""
     delegate("roam_evaluation.service.load", context.args, name="roam evaluate load")
+
+
+def uploads(context: typer.Context) -> None:
+    """Files of known size and turning, uploaded with nothing said: right, doubted, refused or silently wrong."""
+    delegate("roam_evaluation.uploads.reading", context.args, name="roam evaluate uploads")

@@ -35,6 +35,7 @@ evaluate_app = typer.Typer(no_args_is_help=True, help="Measure quality and speed
 evaluate_app.command("field", context_settings=PASS_ON)(evaluate.field)
 evaluate_app.command("goalpose", context_settings=PASS_ON)(evaluate.goalpose)
 evaluate_app.command("motion", context_settings=PASS_ON)(evaluate.motion)
+evaluate_app.command("uploads", context_settings=PASS_ON)(evaluate.uploads)
 evaluate_app.command("throughput", context_settings=PASS_ON)(evaluate.throughput)
 evaluate_app.command("load", context_settings=PASS_ON)(evaluate.load)
 app.add_typer(evaluate_app, name="evaluate")

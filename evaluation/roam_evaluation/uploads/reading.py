@@ -2,8 +2,8 @@
 
     roam evaluate uploads DIR [--json FILE] [--limit N]
 
-DIR holds `uploads.csv` with the columns `file`, `height_m` (of the real object, standing) and `up` (the file's axis that
-points up: y, z, -x, …; empty when any is right); further columns are kept as they are. `sweet_home` makes such a folder.
+DIR holds `uploads.csv` with the columns `file`, `height_m` (of the real object, standing) and `up` (the file's axis
+that points up: y, z, -x, …; empty when any is right). `sweet_home` makes such a folder of a furniture library.
 
 Every file is right (the axis within 10°, the height within a third), doubted (wrong or right, but a warning says that
 the size, the axis or the piece is unsure), refused, or silently wrong.

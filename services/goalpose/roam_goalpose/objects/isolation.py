@@ -135,6 +135,7 @@ class _Reader:
             "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),
             "OMP_NUM_THREADS": "1",  # BLAS would reserve address space for every thread
             "OPENBLAS_NUM_THREADS": "1",
+            "PXR_WORK_THREAD_LIMIT": "1",
         }
         self._process = subprocess.Popen(
             [sys.executable, "-m", "roam_goalpose.objects.worker", str(self._limits.memory_bytes), *self._modules],

@@ -86,7 +86,7 @@ def shape_of(
     if len(pieces) == 1:
         return _assemble(world, transform, tuple(warnings), level)
     if piece is None:
-        told = f"The file holds {len(pieces)} pieces: {list_pieces(pieces)}. Piece {chosen} was taken; name another to change that."
+        told = f"The file holds {len(pieces)} pieces: {list_pieces(pieces)}. Piece {chosen} was taken."
         warnings.append(ShapeWarning("OBJECT_PIECE_CHOSEN", told))
     shape = _assemble(world, transform, tuple(warnings), level)
     return replace(shape, pieces=tuple(_told(one, k == chosen, turn) for k, one in enumerate(pieces)))

@@ -18,6 +18,7 @@ from typing import BinaryIO
 from roam_goalpose.objects.errors import ObjectError
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.loading import load_shape
+from roam_goalpose.objects.readers.registry import find
 from roam_goalpose.objects.wire import READY, pack_shape, read_frame, write_frame
 
 
@@ -45,12 +46,13 @@ def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
     head, parts = frame
     limits = replace(Limits(), **head["limits"])
     limit_cpu(limits.cpu_seconds)
+    fragile = find(head["format"]).fragile
     try:
         said = {name: head[name] for name in ("unit", "up", "size", "piece")}
         shape = load_shape(parts[0], head["format"], **said, limits=limits)
     except ObjectError as error:
         write_frame(answers, {"error": error.to_dict()}, ())
-        return True
+        return not fragile
     except MemoryError:
         write_frame(answers, {"error": _out_of_memory().to_dict()}, ())
         return False  # what is left of the heap is not worth trusting
@@ -59,7 +61,7 @@ def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
         return False
     packed, arrays = pack_shape(shape)
     write_frame(answers, {"shape": packed}, arrays)
-    return True
+    return not fragile
 
 
 def limit_process(*, memory_bytes: int) -> None:

@@ -107,7 +107,7 @@ def _piece(geometry: Geometry, up: Array) -> Piece:
 
 
 def _strangeness(geometry: Geometry, up: Array) -> float:
-    """How unlike known furniture its shape is, and, where the unit is declared, how far its size is from its shape's."""
+    """How unlike known furniture its shape is and, where the unit is declared, how far its size is from its shape's."""
     expected = expected_size(describe_shape(*surface_samples(geometry), turn_to_y(up)))
     if geometry.metres is None:
         return expected.deviation

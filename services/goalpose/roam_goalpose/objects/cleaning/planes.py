@@ -86,7 +86,7 @@ def find_walls(points: Array, normals: npt.NDArray[np.floating], *, up: Array) -
 
 def _directions(normals: npt.NDArray[np.floating]) -> Iterator[Array]:
     """Both ways along the axes and along the normals of the largest flat areas."""
-    found = [axis for axis in np.eye(3)]
+    found = list(np.eye(3))
     left = np.asarray(normals, np.float64)
     for _ in range(_PLANES):
         if len(left) < 50:
@@ -126,8 +126,8 @@ def _floor_along(points: Array, up: Array, *, around: float = _AROUND, least: fl
 
 
 def _beyond(slab: Array, rest: Array) -> tuple[float, float]:
-    """The share of directions in which `slab` `[N, 2]` goes on beside `rest` `[M, 2]`, and the area that it covers there
-    over the footprint of `rest`."""
+    """The share of directions in which `slab` `[N, 2]` goes on beside `rest` `[M, 2]`, and the area that it covers
+    there over the footprint of `rest`."""
     try:
         hull = ConvexHull(rest)
     except QhullError:

@@ -68,7 +68,7 @@ def place(
     elif fixed is not None:
         standing = _standing(*samples, up_rotation(fixed))
     else:
-        standing, doubt = _choose(*samples, known=_known_scale(extent, geometry, unit))
+        standing, doubt = _choose(*samples, known=None if size else _known_scale(extent, geometry, unit))
         if doubt:
             warnings.append(ShapeWarning("OBJECT_UP_UNSURE", doubt))
     tilt = _tilt(geometry, samples, standing, farthest=FARTHEST if fixed or level is not None else math.pi)

@@ -1,8 +1,8 @@
 """How tall an object must be for a body to use it: a regression from its shape, whatever unit its numbers are in.
 
-A chair scaled by two keeps its proportions, but no chair of its proportions has its seat at 0.9 m: what matters is where
-the level areas are relative to the height, how wide the object is beside it, how thick its parts are. `describe_shape`
-turns an object that stands on its feet into numbers that do not change with its size; a Gaussian process
+A chair scaled by two keeps its proportions, but no chair of its proportions has its seat at 0.9 m: what matters is
+where the level areas are relative to the height and how wide the object is beside it. `describe_shape` turns an object
+that stands on its feet into numbers that do not change with its size; a Gaussian process
 (Rasmussen & Williams 2006, chapter 2) over furniture of known size answers with the logarithm of its height, and how
 unlike all of that furniture it is. Fitted by `size_fit`, which prints how well it does on objects left out.
 """

@@ -87,15 +87,16 @@ def given_unit(extent: float, unit: str) -> UnitGuess:
 def declared_unit(extent: float, height: float, metres: float, expected: Size | None) -> UnitGuess:
     """What the file says, believed; an absurd size is refused, an unusual one told."""
     if not plausible(extent * metres):
-        message = f"The file says that its unit is {_length(metres)}, which makes the object's longest edge {extent * metres:.4g} m"
+        said = f"The file says that its unit is {_length(metres)}"
+        message = f"{said}, which makes the object's longest edge {extent * metres:.4g} m"
         raise _implausible(message, "Scale it to its real size, or give its height in metres (size) or the unit.")
     unit = next((name for name, size in METRES_PER.items() if math.isclose(size, metres, rel_tol=1e-6)), "")
     apart = 0.0 if expected is None else math.log(height * metres) - expected.log_height
     if expected is None or abs(apart) < max(_DECLARED_FAR, 3 * expected.deviation):
         return UnitGuess(unit, metres, "")
     doubt = (
-        f"The file says that its unit is {_length(metres)}: the object is then {height * metres:.2f} m high. For a body "
-        f"to use it, it should be about {expected.height:.2f} m high; give its height (size) if that is so."
+        f"The file says that its unit is {_length(metres)}: the object is then {height * metres:.2f} m high. "
+        f"For a body to use it, it should be about {expected.height:.2f} m high; give its height (size) if that is so."
     )
     return UnitGuess(unit, metres, doubt)
 
@@ -125,7 +126,7 @@ def choose_unit(extent: float, height: float, expected: Size) -> UnitGuess:
     readings = {unit: metres for unit, metres in METRES_PER.items() if plausible(extent * metres)}
     if not readings:
         raise _implausible(
-            f"The object's longest edge is {extent:.4g} in the file's numbers: no usual unit makes that furniture, it is",
+            f"The object's longest edge is {extent:.4g} in the file's numbers, which is in every usual unit",
             "Give its height in metres (size) or the unit, or scale it to its real size; check for stray vertices.",
         )
     deviation = max(expected.deviation, _LEAST_DEVIATION)

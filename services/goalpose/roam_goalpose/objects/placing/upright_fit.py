@@ -1,4 +1,4 @@
-"""Fit the weights of `upright`: `python -m roam_goalpose.objects.placing.upright_fit --objects DIR [DIR ...] [--held-out DIR]`.
+"""Fit `upright`: `python -m roam_goalpose.objects.placing.upright_fit --objects DIR [DIR ...] [--held-out DIR]`.
 
 DIR holds GLB files that stand on y = 0 in metres. Every object, at a few sizes and with and without a mesh's normals,
 must score higher as it stands than upside down, lying on any of its four sides (how a file with another up axis looks)

@@ -38,9 +38,11 @@ class Format:
         media_types: of HTTP's Content-Type.
         begins: first bytes that no file of another format here has.
         looks: tells by more than the first bytes that data are in this format.
-        unit: what fixes the unit of its numbers: `m` by its specification, `file` when the file says it, `` when nothing.
-        up: the same for its up axis: `y`, `z`, `file` or ``.
-        module: package that must be installed beside the service's own, with its extra; `` for none.
+        unit: what fixes the unit of its numbers: `m` by its specification, `file` when the file says it, empty when
+            nothing does.
+        up: the same for its up axis: `y`, `z`, `file` or empty.
+        module: package that must be installed beside the service's own, by the extra `formats`; empty for none.
+        fragile: its library may leave the process in a bad state: the process reads no other file after it.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Format:
     unit: str = ""
     up: str = ""
     module: str = ""
+    fragile: bool = False
 
     def load(self) -> Read:
         """The reader; OBJECT_FORMAT_UNSUPPORTED when its library is not installed here."""
@@ -169,6 +172,7 @@ _FORMATS: dict[str, Format] = {
             "file",
             "file",
             "ufbx",
+            fragile=True,
         ),
         Format(
             "dae",

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+_LEAST = 4096  # bytes
+
 
 @contextmanager
 def scratch_file(data: bytes, suffix: str) -> Iterator[Path]:
@@ -22,7 +24,9 @@ def scratch_folder(files: Mapping[str, bytes]) -> Iterator[Path]:
 
     The reading process's limit on file sizes is lifted while we write what was sent, and for nothing else.
     """
-    with tempfile.TemporaryDirectory(prefix="roam-upload-") as name:
+    with _writing(_LEAST):  # Python writes a byte to find out where it may
+        temporary = tempfile.TemporaryDirectory(prefix="roam-upload-")
+    with temporary as name:
         folder = Path(name)
         with _writing(max((len(content) for content in files.values()), default=0)):
             for path, content in files.items():
