@@ -1,6 +1,8 @@
-"""A reader from elsewhere, registered in one file, works end to end: file name, content, child process, HTTP service."""
+"""A reader from elsewhere, registered in one file, works end to end: name, content, child process, HTTP service."""
 
+import importlib
 from collections.abc import AsyncIterator
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -25,9 +27,9 @@ SIZE = [0.4, 0.9, 0.4]
 
 @pytest.fixture
 async def addresses(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Addresses]:
-    from poser import Poser
-
-    monkeypatch.setattr(Synthesizer, "load", classmethod(lambda cls, settings: Poser()))
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "goalpose"))
+    poser = importlib.import_module("poser")
+    monkeypatch.setattr(Synthesizer, "load", classmethod(lambda cls, settings: poser.Poser()))
     settings = GoalPoseSettings()
     async with running([GoalPoseService(settings)], settings) as addresses:
         yield addresses
@@ -49,7 +51,7 @@ def test_it_runs_in_the_child_process():
 
 
 async def test_it_works_through_the_service(addresses):
-    async with httpx.AsyncClient(base_url=f"http://{addresses.http}", timeout=60) as client:
+    async with httpx.AsyncClient(base_url=addresses.http, timeout=60) as client:
         answer = await client.post("/v1/objects", content=STOOL)  # known by its first bytes
         assert answer.status_code == 201, answer.text
         assert answer.json()["format"] == "boxes"

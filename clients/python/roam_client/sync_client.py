@@ -92,15 +92,21 @@ class Client:
         format: str | None = None,
         unit: str | None = None,
         up_axis: str | None = None,
+        size: float | None = None,
+        piece: str | None = None,
     ) -> Object:
-        """Puts a furniture file on the server. Bytes need a `format`; unit and up axis are detected when not given."""
+        """Puts a furniture file on the server. Bytes need a `format`; unit and up axis are detected when not given.
+
+        `size` is the object's height in metres, which goes before the unit; `piece` is the name or index of the one to
+        take from a file of several (`Object.pieces`), the best seat when not given.
+        """
         if isinstance(source, bytes):
             data, name = source, format or ""
         else:
             data, name = Path(source).read_bytes(), format or format_of(Path(source))
         target, stub = self._goal_pose_stub()
         with server_errors(target):
-            requests = upload_requests(data, format=name, unit=unit, up_axis=up_axis)
+            requests = upload_requests(data, format=name, unit=unit, up_axis=up_axis, size=size, piece=piece)
             return Object.from_message(stub.UploadObject(requests, timeout=self._timeout).object)
 
     def object(self, name: str) -> Object:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from roam_client.objects import FORMATS
+from roam_client.objects import FORMATS, TEXTS
 from roam_client.skeleton import Skeleton
 
 from roam_command import batch_engines
@@ -48,7 +48,7 @@ def batch(
     """
     with reported(as_json=json):
         sources = furniture_files(folder, output)
-        order = Order(wish.reference, wish.action.value, wish.seed, wish.unit, wish.up)
+        order = Order(wish.reference, wish.action.value, wish.seed, wish.unit, wish.up, wish.scale, wish.piece)
         ledger = Ledger(output, folder, order, ending)
         left = [source for source in sources if not ledger.has(source)]
         run = batch_engines.ray_cluster if engine is Engine.RAY else batch_engines.local
@@ -69,7 +69,9 @@ def furniture_files(folder: Path, output: Path) -> list[Path]:
     """Every file under the folder that can be furniture, but for what a batch wrote. UsageError when there is none."""
     if not folder.is_dir():
         raise UsageError(f"there is no folder {folder}", remedy="Give a folder of furniture files.")
-    found = sorted(path for path in folder.rglob("*") if path.suffix.lower().removeprefix(".") in FORMATS)
+    found = sorted(
+        path for path in folder.rglob("*") if path.suffix.lower().removeprefix(".") in set(FORMATS) - set(TEXTS)
+    )
     files = [path for path in found if path.is_file() and output not in path.parents]
     if not files:
         raise UsageError(f"no furniture file in {folder}", remedy=f"What is read: {', '.join(FORMATS)}.")

@@ -19,6 +19,8 @@ class Order:
     seed: int
     unit: str | None
     up: str | None
+    size: float | None = None
+    piece: str | None = None
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
     try:
         loader, synthesizer = _loader(), _synthesizer()
         started = perf_counter()
-        shape = loader.load(data, format, unit=order.unit, up=order.up)
+        shape = loader.load(data, format, unit=order.unit, up=order.up, size=order.size, piece=order.piece)
         result = synthesizer.synthesize(shape, request)
     except ObjectError as error:
         return Outcome(reason=error.reason, message=f"{error.message} {error.remedy}")

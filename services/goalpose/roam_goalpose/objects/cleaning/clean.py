@@ -69,8 +69,8 @@ def _cut(geometry: Geometry, plane: Floor) -> Geometry | None:
         if int((~covered).sum()) < _LEAST_POINTS:
             return None
         return replace(geometry, vertices=geometry.vertices[~covered])
-    flat = covered[geometry.faces].all(axis=1)
-    sheets = flat & _sheets(geometry, flat)
+    flat: Mask = covered[geometry.faces].all(axis=1)
+    sheets: Mask = flat & _sheets(geometry, flat)
     areas = triangle_areas(geometry.triangles)
     gone = sheets if areas[sheets].sum() > _FLAT_SHARE * areas[flat].sum() else flat
     return None if gone.all() or not gone.any() else geometry.only(~gone)

@@ -41,7 +41,9 @@ def read_obj(data: bytes, limits: Limits, companions: Mapping[str, bytes]) -> Ge
     reader = _parsed(text)
     # Not through the binding's numpy_* accessors: in 2.0.0rc13 their arrays are all zeros.
     vertices = np.array(reader.GetAttrib().vertices, np.float64).reshape(-1, 3)
-    faces, part, names = [], [], []
+    faces: list[Indices] = []
+    part: list[Indices] = []
+    names: list[str] = []
     for shape in reader.GetShapes():
         sizes = np.array(shape.mesh.num_face_vertices, np.int64)
         if not len(sizes):
