@@ -217,7 +217,7 @@ def _refused(reason, field, data, format, **options):
 def test_refusals_name_the_field_and_what_to_do(chair):
     data = chair.export(file_type="obj").encode()
     assert "obj" in _refused("OBJECT_FORMAT_UNKNOWN", "format", data, "object").remedy
-    assert "glTF" in _refused("OBJECT_FORMAT_UNSUPPORTED", "format", data, "fbx").remedy
+    assert "glTF" in _refused("OBJECT_FORMAT_UNSUPPORTED", "format", data, "step").remedy
     assert "mm" in _refused("OBJECT_UNIT_UNKNOWN", "unit", data, "obj", unit="parsec").remedy
     assert "-z" in _refused("OBJECT_UP_UNKNOWN", "up", data, "obj", up="w").remedy
     assert "9.2" in _refused("OBJECT_SIZE_IMPLAUSIBLE", "unit", data.replace(b"0.92", b"9.2"), "obj", unit="m").message
@@ -309,7 +309,7 @@ def test_raw_files_as_people_upload_them(objects):
 
 
 def test_raw_files_that_must_be_converted(objects):
-    for name in ("aws_chair_a_cm_zup.dae", "quaternius_sofa_oversize.fbx"):
+    for name in ("aws_chair_a_cm_zup.dae", "quaternius_sofa_oversize.step"):
         with pytest.raises(ObjectError) as caught:
             format_of(objects / "raw_samples" / name)
         assert caught.value.reason == "OBJECT_FORMAT_UNSUPPORTED"

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from roam_goalpose.objects.arrays import Array, Indices
 from roam_goalpose.objects.shape import ShapeWarning
+from roam_goalpose.objects.surfaces.sampling import triangle_areas
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+__all__ = ["Array", "Geometry", "Indices", "Part", "join"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +38,17 @@ class Geometry:
     names: tuple[str, ...] = ()
     notes: tuple[ShapeWarning, ...] = ()
 
-    @property
+    @cached_property
     def triangles(self) -> Array:
         """`[F, 3, 3]` corner positions; empty for a point cloud."""
         if self.faces is None:
             return np.zeros((0, 3, 3))
         return self.vertices[self.faces]
+
+    @cached_property
+    def areas(self) -> Array:
+        """`[F]` of the triangles."""
+        return triangle_areas(self.triangles)
 
     def noted(self, reason: str, message: str) -> Geometry:
         """The same with one more note."""

@@ -12,7 +12,7 @@ from roam_goalpose.objects.cleaning.clean import Cleaned, clean
 from roam_goalpose.objects.cleaning.pieces import Piece, choose, list_pieces, split
 from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.errors import ObjectError
-from roam_goalpose.objects.geometry import Array, Geometry
+from roam_goalpose.objects.geometry import Array, Geometry, Indices
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.placing.axes import check_up, up_rotation
 from roam_goalpose.objects.placing.heading import find_heading
@@ -20,11 +20,13 @@ from roam_goalpose.objects.placing.place import likely_up, place
 from roam_goalpose.objects.placing.units import LARGEST, METRES_PER, check_size, check_unit, too_large
 from roam_goalpose.objects.reading import read_geometry
 from roam_goalpose.objects.shape import Shape, ShapePiece, ShapeWarning
-from roam_goalpose.objects.surfaces.surface import sample_surface
+from roam_goalpose.objects.surfaces.sampling import sample_triangles
+from roam_goalpose.objects.surfaces.surface import sample_surface, surface_samples
 from roam_goalpose.objects.surfaces.voxels import choose_pitch, signed_distance
 
 _LEVEL = 0.999  # cosine of an axis that still is the floor's
 _STANDS_ON = 0.08  # [m] at most between a floor that was cut off and what is left above it
+_LARGE, _OUTLINE = 300_000, 100_000  # triangles from which on points stand for them, and how many
 _THINNEST = 0.02  # [m] no furniture's box is thinner
 _FARTHEST = 1000.0  # [m] beyond this from the origin float32 points lose a tenth of a millimetre
 
@@ -74,9 +76,12 @@ def shape_of(
     pieces, chosen = _pieces(geometry, cleaned, unit=unit, up=up, size=size, wanted=piece)
     object = pieces[chosen].geometry
     placing = place(object, unit=unit, up=up, size=size, level=None if floor is None else floor.up)
+    surface_samples.cache_clear()
     turn = placing.rotation * placing.metres
     world = replace(object, vertices=object.vertices @ turn.T)
     _check_box(world.vertices)
+    areas = None if object.faces is None else object.areas * placing.metres**2
+    outline = _outline(object, world, turn)
     transform = np.eye(4)
     transform[:3, :3] = turn
     level = None
@@ -84,11 +89,11 @@ def shape_of(
         level = floor.height * placing.metres
     warnings = [*cleaned.geometry.notes, *placing.warnings]
     if len(pieces) == 1:
-        return _assemble(world, transform, tuple(warnings), level)
+        return _assemble(world, transform, tuple(warnings), level, areas, outline)
     if piece is None:
         told = f"The file holds {len(pieces)} pieces: {list_pieces(pieces)}. Piece {chosen} was taken."
         warnings.append(ShapeWarning("OBJECT_PIECE_CHOSEN", told))
-    shape = _assemble(world, transform, tuple(warnings), level)
+    shape = _assemble(world, transform, tuple(warnings), level, areas, outline)
     return replace(shape, pieces=tuple(_told(one, k == chosen, turn) for k, one in enumerate(pieces)))
 
 
@@ -116,18 +121,23 @@ def _told(piece: Piece, chosen: bool, turn: npt.NDArray[np.float64]) -> ShapePie
 
 
 def _assemble(
-    world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...], level: float | None = None
+    world: Geometry,
+    transform: Array,
+    warnings: tuple[ShapeWarning, ...],
+    level: float | None,
+    areas: Array | None,
+    outline: tuple[Array, Indices | None],
 ) -> Shape:
     """Sample geometry in metres and +Y up, and build its distance grid, both in the object's own axes.
 
     An upload turned about +Y then has the same samples and the same grid, turned.
     """
-    heading = find_heading(world.vertices, world.faces)
+    heading = find_heading(*outline)
     axes = turn_about_y(heading.yaw)
     own = world.vertices @ axes
     box = np.stack([own.min(axis=0), own.max(axis=0)])
     pitch = choose_pitch(box[1] - box[0])
-    samples, surface = sample_surface(replace(world, vertices=own), pitch)
+    samples, surface = sample_surface(replace(world, vertices=own), pitch, areas)
     points = (samples.points @ axes.T).astype(np.float32)
     bounds = np.stack([world.vertices.min(axis=0), world.vertices.max(axis=0)])
     floor = float(bounds[0, 1])
@@ -145,6 +155,13 @@ def _assemble(
         mesh=None if world.faces is None else (world.vertices.astype(np.float32), world.faces.astype(np.int32)),
         warnings=warnings,
     )
+
+
+def _outline(object: Geometry, world: Geometry, turn: npt.NDArray[np.float64]) -> tuple[Array, Indices | None]:
+    """What the own axes are found from: the mesh or, of a large one, points spread over it in the order of its file."""
+    if object.faces is None or len(object.faces) < _LARGE:
+        return world.vertices, world.faces
+    return sample_triangles(object.triangles, object.areas, _OUTLINE, seed=0).points @ turn.T, None
 
 
 def _check_box(vertices: Array) -> None:

@@ -69,7 +69,7 @@ def _cut(geometry: Geometry, plane: Floor) -> Geometry | None:
         if int((~covered).sum()) < _LEAST_POINTS:
             return None
         return replace(geometry, vertices=geometry.vertices[~covered])
-    flat: Mask = covered[geometry.faces].all(axis=1)
+    flat: Mask = np.logical_and.reduce(covered[geometry.faces], axis=1)
     sheets: Mask = flat & _sheets(geometry, flat)
     areas = triangle_areas(geometry.triangles)
     gone = sheets if areas[sheets].sum() > _FLAT_SHARE * areas[flat].sum() else flat

@@ -118,17 +118,21 @@ def _strangeness(geometry: Geometry, up: Array) -> float:
 def _groups(geometry: Geometry) -> Indices:
     """Which connected set of grid cells each triangle `[F]` lies in, numbered in the file's order."""
     assert geometry.faces is not None
-    triangles = geometry.triangles
     low = geometry.vertices.min(axis=0)
     cell = max(float(np.ptp(geometry.vertices, axis=0).max()), 1e-12) / _CELLS
-    samples = sample_triangles(triangles, triangle_areas(triangles), _SAMPLES, seed=0).points
-    inner = triangles.mean(axis=1)
-    places = [_cells(part, low, cell) for part in (samples, geometry.vertices, inner)]
     grid = np.zeros([_CELLS + 4] * 3, dtype=bool)
-    for place in places:
-        grid[place] = True
+    grid[_cells(surface_samples(geometry)[0], low, cell)] = True
+    grid[_cells(geometry.vertices, low, cell)] = True
+    labels, count = ndimage.label(grid, structure=np.ones((3, 3, 3)))
+    if count == 1:
+        return np.zeros(len(geometry.faces), np.int64)
+    triangles = geometry.triangles
+    samples = sample_triangles(triangles, triangle_areas(triangles), _SAMPLES, seed=0).points
+    inner = _cells(triangles.mean(axis=1), low, cell)
+    grid[_cells(samples, low, cell)] = True
+    grid[inner] = True
     labels, _ = ndimage.label(grid, structure=np.ones((3, 3, 3)))
-    return _in_order(labels[places[2]])
+    return _in_order(labels[inner])
 
 
 def _cells(points: Array, low: Array, cell: float) -> tuple[npt.NDArray[np.int64], ...]:

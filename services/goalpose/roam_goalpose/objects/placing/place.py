@@ -129,7 +129,7 @@ def _tilt(
         centre, touch = vertices.mean(axis=0), _CLOUD_TOUCH
     else:
         vertices = geometry.vertices @ standing.rotation.T * scale
-        centre, touch = surface_centre(vertices[geometry.faces]), None
+        centre, touch = standing.rotation @ surface_centre(geometry.triangles, geometry.areas) * scale, None
     if stands(vertices, centre, touch=touch):
         return None
     turned = points @ standing.rotation.T * scale, normals @ standing.rotation.T

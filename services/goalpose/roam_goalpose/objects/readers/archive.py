@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
@@ -44,7 +45,7 @@ def read_zip(data: bytes, limits: Limits, companions: Mapping[str, bytes]) -> Ge
             files = _files(archive, limits)
             name, format = _object_in(list(files))
             unpacked = _unpack(archive, files, limits)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
         if isinstance(error, ObjectError):
             raise
         encrypted = "encrypted" in str(error) or "password" in str(error)

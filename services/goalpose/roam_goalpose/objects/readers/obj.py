@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import tinyobjloader
 
-from roam_goalpose.objects.errors import ObjectError, malformed, not_finite
+from roam_goalpose.objects.errors import ObjectError, malformed
 from roam_goalpose.objects.geometry import Array, Geometry, Indices
 from roam_goalpose.objects.limits import Limits, check_counts
 from roam_goalpose.objects.readers.polygons import triangulate
@@ -16,7 +16,9 @@ from roam_goalpose.objects.readers.polygons import triangulate
 # tinyobjloader takes words behind the coordinates for a weight or a colour, and does not join lines that end with \.
 _COMMENT = re.compile(rb"#[^\n\r]*")
 _JOINED = re.compile(rb"\\[ \t]*\r?\n")
-_NOT_A_NUMBER = re.compile(rb"(?im)^[ \t]*v[ \t]+[^\n]*?(?<![a-z_])(nan|inf|ind)")
+_NOT_A_NUMBER = re.compile(rb"(?i)(?<![\w.])[-+]?(nan|inf|infinity|1\.#\w+)(?![\w])")
+_HUGE = b"1e30"  # stands for what is no number: refused where a face uses it
+_BROKEN = re.compile(rb"(?im)^[ \t]*v[ \t][^\n]*(nan|inf|1\.#)[^\n]*$")
 _VERTEX = re.compile(rb"(?m)^[ \t]*v[ \t]")
 _FACE = re.compile(rb"(?m)^[ \t]*f[ \t]")
 
@@ -37,7 +39,7 @@ def read_obj(data: bytes, limits: Limits, companions: Mapping[str, bytes]) -> Ge
         text = text.replace(b"\r", b"\n")
     check_counts(len(_VERTEX.findall(text)), len(_FACE.findall(text)), limits)
     if _NOT_A_NUMBER.search(text):
-        raise not_finite("A coordinate in the file is NaN or infinite.")
+        text = _BROKEN.sub(lambda line: _NOT_A_NUMBER.sub(_HUGE, line.group()), text)
     reader = _parsed(text)
     # Not through the binding's numpy_* accessors: in 2.0.0rc13 their arrays are all zeros.
     vertices = np.array(reader.GetAttrib().vertices, np.float64).reshape(-1, 3)

@@ -52,14 +52,14 @@ class _Lists:
 def read_ply(data: bytes, limits: Limits, companions: Mapping[str, bytes]) -> Geometry:
     """Vertices and faces; without any face the vertices are a cloud; raises ObjectError."""
     elements, order, start = _header(data)
-    for element in elements:
-        if element.count > len(data):
-            raise malformed("ply", f"it is cut off: {element.count} elements are promised, {len(data)} bytes are there")
     counts = {element.name: element.count for element in elements}
     if counts.get("face", 0) or counts.get("tristrips", 0):
         check_counts(counts.get("vertex", 0), counts.get("face", 0), limits)
     else:
         check_points(counts.get("vertex", 0), limits)
+    for element in elements:
+        if element.count > len(data):
+            raise malformed("ply", f"it is cut off: {element.count} elements are promised, {len(data)} bytes are there")
     try:
         read = _Text(data[start:]) if not order else _Binary(data, start, order)
         columns = {element.name: read.element(element) for element in elements}

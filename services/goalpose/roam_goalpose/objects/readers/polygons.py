@@ -45,7 +45,7 @@ def triangulate(vertices: Array, corners: Indices, sizes: Indices) -> Indices:
 
 def _split_quads(vertices: Array, quads: Indices) -> Indices:
     """Two triangles `[Q, 2, 3]` each, along the diagonal that lies inside."""
-    valid = ((quads >= 0) & (quads < len(vertices))).all(axis=1)
+    valid = np.logical_and.reduce((quads >= 0) & (quads < len(vertices)), axis=1)
     places = vertices[np.where(valid[:, None], quads, 0)]
     first = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
     second = np.cross(places[:, 2] - places[:, 0], places[:, 3] - places[:, 0])

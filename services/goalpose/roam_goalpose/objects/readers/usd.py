@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -35,7 +36,7 @@ def read_usdz(data: bytes, limits: Limits, companions: Mapping[str, bytes]) -> G
             if sum(one.file_size for one in entries) > _UNPACKED * limits.bytes:
                 raise malformed("usdz", "its layers unpack to more than is read")
             layers = {one.filename: archive.open(one).read(one.file_size + 1) for one in entries}
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError) as error:
         raise malformed("usdz", "the package is damaged") from error
     if not layers:
         raise malformed("usdz", "it holds no USD layer")

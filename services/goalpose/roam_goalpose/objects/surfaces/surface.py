@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,7 +15,6 @@ from roam_goalpose.objects.surfaces.sampling import (
     sample_cloud,
     sample_triangles,
     shuffled_subset,
-    triangle_areas,
 )
 from roam_goalpose.objects.surfaces.voxels import Surface
 
@@ -35,14 +35,17 @@ class LocalPlanes:
     spacing: float
 
 
+@lru_cache(maxsize=1)
 def surface_samples(geometry: Geometry) -> tuple[Array, Array]:
-    """Shuffled samples `[N, 3]` of the surface and their unit normals of either sign, in the geometry's own unit."""
+    """Shuffled samples `[N, 3]` of the surface and their unit normals of either sign, in the geometry's own unit.
+
+    Kept for the geometry at hand, which several decisions look at; `surface_samples.cache_clear` lets go of it.
+    """
     if geometry.faces is None:
         size = max(float(np.ptp(geometry.vertices, axis=0).max()), 1e-12)
         points = sample_cloud(geometry.vertices / size, _LOOKED_AT, seed=_SEED).points * size
         return points, local_normals(points).normals
-    triangles = geometry.triangles
-    areas = triangle_areas(triangles)
+    triangles, areas = geometry.triangles, geometry.areas
     if not float(areas.sum()) > 0:
         raise _no_area()
     dense = sample_triangles(triangles, areas, _LOOKED_AT, seed=_SEED)
@@ -51,7 +54,7 @@ def surface_samples(geometry: Geometry) -> tuple[Array, Array]:
     return samples.points, samples.normals
 
 
-def sample_surface(geometry: Geometry, pitch: float) -> tuple[Samples, Surface]:
+def sample_surface(geometry: Geometry, pitch: float, areas: Array | None = None) -> tuple[Samples, Surface]:
     """Samples for everyone (at most `SAMPLE_COUNT`, shuffled) and dense ones for a grid of `pitch` (same unit).
 
     Raises:
@@ -59,7 +62,7 @@ def sample_surface(geometry: Geometry, pitch: float) -> tuple[Samples, Surface]:
     """
     if geometry.faces is None:
         return _cloud_surface(geometry)
-    return _mesh_surface(geometry, pitch)
+    return _mesh_surface(geometry, pitch, geometry.areas if areas is None else areas)
 
 
 def local_normals(points: Array) -> LocalPlanes:
@@ -76,9 +79,8 @@ def _cloud_surface(cloud: Geometry) -> tuple[Samples, Surface]:
     return samples, Surface(samples.points.astype(np.float32), planes.normals.astype(np.float32), planes.spacing)
 
 
-def _mesh_surface(mesh: Geometry, pitch: float) -> tuple[Samples, Surface]:
+def _mesh_surface(mesh: Geometry, pitch: float, areas: Array) -> tuple[Samples, Surface]:
     triangles = mesh.triangles
-    areas = triangle_areas(triangles)
     area = float(areas.sum())
     if not area > 1e-6:
         raise _no_area()
