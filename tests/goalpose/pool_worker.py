@@ -33,7 +33,7 @@ class Actor(Poser):
 
 
 class Counter(Synthesizer):
-    """The real one. After as many iterations as the seed says it waits until its caller has left; then it refuses with
+    """The real one. From the iteration that the seed says it waits until its caller has left; then it refuses with
     the number of iterations that began after that."""
 
     def synthesize(self, shape, request, *, progress=None, cancelled=None):
@@ -45,7 +45,7 @@ class Counter(Synthesizer):
 
         def tell(told):
             progress(told)
-            while told.iteration == request.seed > 0 and not cancelled():
+            while told.iteration >= request.seed > 0 and not cancelled():
                 time.sleep(0.005)
                 progress(told)  # the pool leaves out what comes too often
 

@@ -308,9 +308,9 @@ def test_raw_files_as_people_upload_them(objects):
         assert shape.bounds[1, 1] - shape.bounds[0, 1] == pytest.approx(height, abs=0.01), name
 
 
-def test_raw_files_that_must_be_converted(objects):
-    for name in ("aws_chair_a_cm_zup.dae", "quaternius_sofa_oversize.step"):
-        with pytest.raises(ObjectError) as caught:
-            format_of(objects / "raw_samples" / name)
-        assert caught.value.reason == "OBJECT_FORMAT_UNSUPPORTED"
-        _refused("OBJECT_FORMAT_UNSUPPORTED", "content", (objects / "raw_samples" / name).read_bytes(), "obj")
+def test_raw_files_that_say_their_unit_and_axes(objects):
+    heights = {"aws_chair_a_cm_zup.dae": 0.91, "aws_sofa_corner_cm_zup.dae": 0.7}
+    for name, height in heights.items():
+        path = objects / "raw_samples" / name
+        shape = load_shape(path.read_bytes(), format_of(path))
+        assert shape.bounds[1, 1] - shape.bounds[0, 1] == pytest.approx(height, abs=0.1), name

@@ -1,9 +1,12 @@
 """Arms of those who walk swing farther, and nobody else's."""
 
 import torch
+from roam_motion.animation.manner import NAMES
 from roam_motion.animation.state import Characters
 from roam_motion.animation.swing import swinging, walking
 from standing import random_animator
+
+MEAN = torch.zeros(1, len(NAMES))
 
 
 def hanging(ahead=0.5):
@@ -37,14 +40,16 @@ def test_an_arm_in_front_of_where_it_hangs_swings_farther_to_the_front():
     for ahead, sign in ((0.5, 1), (0.0, -1)):
         figure, characters, positions = hanging(ahead)
         before = angles(figure, characters.hips, characters.orientations)
-        after = angles(figure, characters.hips, swinging(figure, positions, characters.orientations, torch.ones(1)))
+        after = angles(
+            figure, characters.hips, swinging(figure, positions, characters.orientations, torch.ones(1), MEAN)
+        )
         torch.testing.assert_close(before, torch.full((2,), ahead), atol=0.02, rtol=0)
         assert bool((sign * (after - before) > 0.03).all())
 
 
 def test_who_does_not_walk_is_left_alone():
     figure, characters, positions = hanging()
-    same = swinging(figure, positions, characters.orientations, torch.zeros(1))
+    same = swinging(figure, positions, characters.orientations, torch.zeros(1), MEAN)
     torch.testing.assert_close(same, characters.orientations)
     assert float(walking(characters)) == 0.0
     characters.past[:, -1, 4:8] = torch.tensor([0.0, 1.0, 0.0, 0.0])
@@ -53,3 +58,15 @@ def test_who_does_not_walk_is_left_alone():
     assert float(walking(characters)) == 1.0
     characters.blend[:] = 1.0
     assert float(walking(characters)) == 0.0
+
+
+def test_people_differ_in_how_far_their_arms_swing():
+    figure, characters, positions = hanging()
+    swings = []
+    for deviate in (-1.6, 0.0, 1.6):
+        manner = MEAN.clone()
+        manner[:, NAMES.index("arms")] = deviate
+        turned = swinging(figure, positions, characters.orientations, torch.ones(1), manner)
+        swings.append(float(angles(figure, characters.hips, turned).mean()))
+    assert swings[1] - swings[0] > 0.05
+    assert swings[2] - swings[1] > 0.05

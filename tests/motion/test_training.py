@@ -8,8 +8,8 @@ from roam_character.formats.bvh import write_bvh
 from roam_character.pose import rest_pose
 from roam_character.rotation import quat_slerp
 from roam_character.skeleton import humanoid_skeleton
-from roam_motion.animation.features import encode_targets
 from roam_motion.animation.figure import humanoid_figure
+from roam_motion.models.lnsm.features import encode_targets
 from roam_motion.training import labels, motion
 from roam_motion.training.dataset import build
 from roam_motion.training.episodes import interaction, locomotion
@@ -111,7 +111,7 @@ def test_the_expert_asks_for_the_data_when_on_the_track_and_returns_to_it_when_o
     moved = FIGURE.positions(off.hips, off.orientations)
     back = returning(FIGURE, off, moved, truth, ahead)
     assert 0.0 < float((moved[:, 0] - back.positions[:, 0])[0, 0]) < 0.05
-    goals, root = dataset.goals(at), FIGURE.frame(moved)
+    goals, root = dataset.goals(FIGURE, at), FIGURE.frame(moved)
     assert torch.isfinite(encode_targets(FIGURE, off, goals, moved, root, back)).all()
 
 

@@ -138,3 +138,22 @@ def test_the_markdown_table_has_every_row():
     text = table_markdown([("Common", COMMON)])
     for kind in KINDS.values():
         assert f"| `{kind.reason}` | {kind.grpc_code.name} | {kind.http_status} |" in text
+
+
+async def undecodable(address: str, kind: str) -> None:
+    async with grpc.aio.insecure_channel(address) as channel:
+        if kind == "unary":
+            await channel.unary_unary("/roam.v1.ServerService/GetServerInfo")(b"\xff\xff\xff")
+        else:
+            call = channel.stream_stream("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo")()
+            await call.write(b"\xff\xff\xff")
+            await call.read()
+
+
+@pytest.mark.parametrize("kind", ["unary", "stream"])
+async def test_bytes_that_are_no_message_are_an_invalid_argument(addresses, kind):
+    """Alone, gRPC answers UNKNOWN and says nothing of a reason."""
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await undecodable(addresses.grpc, kind)
+    assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
+    assert details(caught.value)["ErrorInfo"].reason == "INVALID_ARGUMENT"

@@ -56,7 +56,7 @@ async def test_binds_to_loopback_and_to_free_ports():
 async def test_a_taken_port_is_a_clear_error():
     async with running([Echo()], ServerSettings()) as addresses:
         port = int(addresses.http.rpartition(":")[2])
-        with pytest.raises(OSError, match="choose another --http-port"):
+        with pytest.raises(OSError, match="choose another HTTP port"):
             async with running([Echo()], ServerSettings(http_port=port)):
                 pass
 
@@ -107,12 +107,48 @@ async def test_server_info_is_the_same_on_both_transports():
 async def test_web_pages_of_this_machine_may_call_and_others_not():
     async with running([Echo()], ServerSettings()) as addresses, httpx.AsyncClient(base_url=addresses.http) as client:
         near = await client.get("/livez", headers={"Origin": "http://127.0.0.1:5173"})
-        own = await client.get("/livez", headers={"Origin": "http://studio:8080", "Host": "studio:8080"})
+        own = await client.get("/v1/server", headers={"Origin": addresses.http})
         far = await client.get("/livez", headers={"Origin": "https://example.org"})
     assert near.headers["access-control-allow-origin"] == "http://127.0.0.1:5173"
     assert own.status_code == 200
     assert (far.status_code, far.json()["reason"]) == (403, "ORIGIN_NOT_ALLOWED")
     assert "access-control-allow-origin" not in far.headers
+
+
+@pytest.mark.parametrize(
+    "host", ["rebound.example", "rebound.example:80", "127.0.0.1.example", "localhost.example", "[::2]"]
+)
+async def test_a_page_whose_name_leads_here_is_refused(host):
+    async with running([Echo()], ServerSettings()) as addresses, httpx.AsyncClient(base_url=addresses.http) as client:
+        rebound = await client.get("/v1/server", headers={"Origin": f"http://{host}", "Host": host})
+        probe = await client.get("/readyz", headers={"Host": host})
+    assert (rebound.status_code, rebound.json()["reason"]) == (403, "HOST_NOT_ALLOWED")
+    assert probe.status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("host", "allowed"),
+    [("studio:8080", "studio"), ("Studio", "other, studio"), ("anything", "*"), ("[::1]:80", "[::1]")],
+)
+async def test_names_that_are_allowed_may_ask(host, allowed):
+    settings = ServerSettings(allowed_hosts=allowed)
+    async with running([Echo()], settings) as addresses, httpx.AsyncClient(base_url=addresses.http) as client:
+        answer = await client.get("/v1/server", headers={"Origin": f"http://{host}", "Host": host})
+    assert answer.status_code == 200
+
+
+async def test_a_part_that_failed_for_good_ends_the_liveness():
+    server = Server([Echo()], ServerSettings())
+    await server.open()
+    try:
+        await server.load()
+        server.readiness.fail("ticker", "it ended")
+        async with httpx.AsyncClient(base_url=server.addresses.http) as client:
+            alive, ready = await client.get("/livez"), await client.get("/readyz")
+    finally:
+        await server.close(0.1)
+    assert (alive.status_code, alive.json()["failures"]) == (503, {"ticker": "it ended"})
+    assert (ready.status_code, ready.json()["blockers"]) == (503, {"ticker": "it ended"})
 
 
 async def test_running_requests_finish_before_the_server_closes():

@@ -13,9 +13,15 @@ from roam_client.skeleton import Skeleton
 from roam_command import batch_engines
 from roam_command.batch_ledger import Ending, Ledger
 from roam_command.batch_work import Order
+from roam_command.installation import services_module
 from roam_command.option_groups import grouped
 from roam_command.options import JsonOption, Wish
-from roam_command.reports import UsageError, centimetres, progress_bar, reported, stderr
+from roam_command.reports import Exit, UsageError, centimetres, progress_bar, reported, stderr
+
+# Endings of 3D files that people keep beside those that are read.
+UNREAD = frozenset(
+    ["3dm", "3ds", "abc", "blend", "c4d", "dae", "dwg", "dxf", "fbx", "ifc", "iges", "igs", "ma", "max", "mb", "skp"]
+).union(["step", "stp", "usd", "usda", "usdc", "usdz", "wrl", "x3d"])
 
 
 class Engine(StrEnum):
@@ -39,6 +45,9 @@ def batch(
         Engine, typer.Option("--engine", help="local: processes of this machine; ray: a Ray cluster (RAY_ADDRESS).")
     ] = Engine.LOCAL,
     jobs: Annotated[int, typer.Option("--jobs", min=0, help="Processes at a time; 0: one per core.")] = 0,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit code 1 when any object failed; else only when all of them did.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Make a pose for every furniture file in DIR, one line each; stop it and run it again to go on.
@@ -48,6 +57,7 @@ def batch(
     """
     with reported(as_json=json):
         sources = furniture_files(folder, output)
+        tell_unread(folder)
         order = Order(wish.reference, wish.action.value, wish.seed, wish.unit, wish.up, wish.scale, wish.piece)
         ledger = Ledger(output, folder, order, ending)
         left = [source for source in sources if not ledger.has(source)]
@@ -63,6 +73,8 @@ def batch(
                 if record["status"] == "failed":
                     failures.append(record)
         tell_summary(len(sources), len(left), failures)
+        if failures and (strict or len(failures) == len(sources)):
+            raise typer.Exit(Exit.FAILED)
 
 
 def furniture_files(folder: Path, output: Path) -> list[Path]:
@@ -78,17 +90,21 @@ def furniture_files(folder: Path, output: Path) -> list[Path]:
     return files
 
 
+def tell_unread(folder: Path) -> None:
+    """Names on stderr the files that hold furniture for other programs and are left out."""
+    kinds = UNREAD - set(FORMATS)
+    names = sorted(path.name for path in folder.rglob("*") if path.suffix.lower().removeprefix(".") in kinds)
+    if names:
+        shown = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
+        said = f"warning: left out {len(names)} files of kinds that are not read ({shown}): export them as .glb"
+        stderr.print(said, markup=False)
+
+
 def _skeleton() -> Skeleton:
     """The figure of the reference poses. UsageError when the services are not installed."""
-    try:
-        from roam_character.body import body_capsules
-        from roam_character.skeleton import humanoid_skeleton
-        from roam_serving.skeletons import skeleton_message
-    except ModuleNotFoundError as error:
-        raise UsageError(
-            f"`roam batch` computes in this process, and {error.name} is not installed",
-            remedy="Install the services: scripts/install in a checkout.",
-        ) from error
+    body_capsules = services_module("roam_character.body", wanted_by="`roam batch`").body_capsules
+    humanoid_skeleton = services_module("roam_character.skeleton", wanted_by="`roam batch`").humanoid_skeleton
+    skeleton_message = services_module("roam_serving.skeletons", wanted_by="`roam batch`").skeleton_message
     figure = humanoid_skeleton()
     return Skeleton.from_message(skeleton_message(figure, body_capsules(figure)).skeleton)
 

@@ -1,7 +1,7 @@
 """What a batch has done: poses in a folder, and a line of JSON for every object."""
 
-import hashlib
 import json
+import os
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -11,7 +11,7 @@ from roam.v1 import goal_pose_pb2
 from roam_client import GoalPose, Object, RoamError
 from roam_client.skeleton import Skeleton
 
-from roam_command.batch_work import Order, Outcome
+from roam_command.batch_work import Order, Outcome, digest_of
 from roam_command.exports import write_pose
 from roam_command.pose import goal_pose_figures
 
@@ -55,26 +55,32 @@ class Ledger:
         return self._output / f"{self._name(source)}.{self._ending}"
 
     def has(self, source: Path) -> bool:
-        """Whether the same content was done with the same options, and the pose is still there."""
+        """Whether the same content was done with the same options, and the pose in its place is the one made then."""
         record = self._records.get(self._name(source), {})
         return (
             record.get("status") == "done"
             and record.get("order") == self._order
             and record.get("content") == _digest(source)
-            and self.target(source).exists()
+            and record.get("pose") == _digest(self.target(source))
         )
 
     def add(self, source: Path, outcome: Outcome, skeleton: Skeleton) -> dict[str, Any]:
         """Saves what came of one object and appends its line at once: whatever happens next, it is not forgotten."""
         figures = self._saved(source, outcome, skeleton)
-        record = {"file": self._name(source), "content": _digest(source), "order": self._order, **figures}
+        content = outcome.content or _digest(source)
+        record = {"file": self._name(source), "content": content, "order": self._order, **figures}
         self._records[record["file"]] = record
         self._append(json.dumps(record, allow_nan=False) + "\n")
         return record
 
     def _append(self, text: str) -> None:
-        with self._path.open("a") as file:
-            file.write(text)
+        try:
+            with self._path.open("a") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise OSError(error.errno, f"cannot write {self._path}: {error.strerror}") from error
 
     def _saved(self, source: Path, outcome: Outcome, skeleton: Skeleton) -> dict[str, Any]:
         if not outcome.done:
@@ -87,13 +93,18 @@ class Ledger:
             target.parent.mkdir(parents=True, exist_ok=True)
             write_pose(target, goal, source=source, object=place)
         except (OSError, ValueError, RoamError) as error:
-            return {"status": "failed", "reason": "NOT_SAVED", "message": str(error)}
-        return {"status": "done", "output": str(target), "seconds": outcome.seconds, **goal_pose_figures(goal)}
+            said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            return {"status": "failed", "reason": "NOT_SAVED", "message": said}
+        made = {"output": str(target), "pose": _digest(target)}
+        return {"status": "done", **made, "seconds": outcome.seconds, **goal_pose_figures(goal)}
 
     def _name(self, source: Path) -> str:
         return source.relative_to(self._folder).as_posix()
 
 
-def _digest(source: Path) -> str:
-    with source.open("rb") as file:
-        return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+def _digest(path: Path) -> str | None:
+    """What a file is known by; None when it cannot be read."""
+    try:
+        return digest_of(path.read_bytes())
+    except OSError:
+        return None

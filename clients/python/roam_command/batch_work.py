@@ -1,6 +1,7 @@
 """One object of a batch, in whatever process an engine runs it: bytes in, a goal pose or a reason out."""
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, replace
 from functools import cache
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -32,6 +33,7 @@ class Outcome:
     reason: str = ""
     message: str = ""
     seconds: float = 0.0
+    content: str = ""  # digest of the file's bytes as they were read
 
     @property
     def done(self) -> bool:
@@ -39,8 +41,17 @@ class Outcome:
         return bool(self.goal_pose)
 
 
+def digest_of(data: bytes) -> str:
+    """What a record knows a file by."""
+    return f"sha256:{hashlib.sha256(data).hexdigest()}"
+
+
 def make_goal_pose(data: bytes, format: str, order: Order) -> Outcome:
     """Reads the file in a child process with limits, and fits the pose. Never raises for a bad object or request."""
+    return replace(_made(data, format, order), content=digest_of(data))
+
+
+def _made(data: bytes, format: str, order: Order) -> Outcome:
     from roam_goalpose.api.messages import goal_pose_message, object_message
     from roam_goalpose.objects import ObjectError
     from roam_goalpose.synthesis import GoalPoseRequest, RequestError

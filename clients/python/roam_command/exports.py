@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from roam_client import GoalPose, Motion, Object
+from roam_client.files import whole_file
 from roam_client.objects import format_of
 
+from roam_command.installation import INSTALL
 from roam_command.reports import UsageError
 
 if TYPE_CHECKING:
@@ -21,10 +23,11 @@ def write_pose(path: Path, goal: GoalPose, *, source: Path, object: Object) -> N
     if path.suffix.lower() != ".glb":
         goal.save(path)
         return
-    glb, pose = _needed(path, "roam_character.formats.glb"), _needed(path, "character.pose")
+    glb, pose = _needed(path, "roam_character.formats.glb"), _needed(path, "roam_character.pose")
     skeleton = _skeleton(path, goal)
     content = pose.Pose(skeleton, goal.root_position, goal.rotations)
-    glb.write_glb(path, content, mesh=read_mesh(source, object))
+    with whole_file(path) as part:
+        glb.write_glb(part, content, mesh=read_mesh(source, object))
 
 
 def write_motion(path: Path, motion: Motion, *, source: Path, object: Object) -> None:
@@ -35,10 +38,11 @@ def write_motion(path: Path, motion: Motion, *, source: Path, object: Object) ->
         return
     clip_module = _needed(path, "roam_character.clip")
     clip = clip_module.Clip(_skeleton(path, motion), motion.frame_rate, motion.root_positions, motion.rotations)
-    if ending == ".bvh":
-        _needed(path, "roam_character.formats.bvh").write_bvh(path, clip)
-    else:
-        _needed(path, "roam_character.formats.glb").write_glb(path, clip, mesh=read_mesh(source, object))
+    with whole_file(path) as part:
+        if ending == ".bvh":
+            _needed(path, "roam_character.formats.bvh").write_bvh(part, clip)
+        else:
+            _needed(path, "roam_character.formats.glb").write_glb(part, clip, mesh=read_mesh(source, object))
 
 
 def read_mesh(source: Path, object: Object) -> "Mesh | None":
@@ -87,5 +91,5 @@ def _needed(path: Path, module: str) -> Any:
     except ModuleNotFoundError as error:
         raise UsageError(
             f"writing {path.name} needs the services' exporters, and {error.name} is not installed",
-            remedy="Write .npz or .json, or install the services: scripts/install in a checkout.",
+            remedy=f"Write .npz or .json, or {INSTALL}.",
         ) from error

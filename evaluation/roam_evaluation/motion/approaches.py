@@ -23,6 +23,7 @@ import torch
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.figure import Figure, humanoid_figure
 from roam_motion.animator import Animator, Steer
+from roam_serving.shipped import WEIGHTS
 
 from roam_evaluation.goalpose.objects import find_objects
 from roam_evaluation.motion import gait as motion_gait
@@ -32,7 +33,7 @@ from roam_evaluation.motion.measures import Track, frechet, motion_figures
 from roam_evaluation.motion.runs import REACHED, Approach, Take, draw_starts, judge, run
 from roam_evaluation.shared.sheets import contact_sheet, top_view
 
-SHIPPED = Path(__file__).parents[3] / "weights" / "motion.safetensors"
+SHIPPED = WEIGHTS / "motion.safetensors"
 _BATCH = 16
 STUDIES = ("ablation",)
 FRAMES = {"sit": 300, "lie": 450}  # of an approach

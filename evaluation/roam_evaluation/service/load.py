@@ -26,6 +26,7 @@ from roam_goalpose.api.messages import pose_message, volume_message
 from roam_goalpose.objects import load_shape
 from roam_goalpose.objects.footprint import footprint
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
+from roam_serving.shipped import OBJECTS
 
 from roam_evaluation.service.frame_encoding import measure_encoding
 from roam_evaluation.service.server_process import ServerProcess, motion_servers
@@ -33,7 +34,7 @@ from roam_evaluation.service.takeover import measure_stall, measure_takeovers
 
 _RATE = 30.0  # [Hz]
 _FRAMES_PER_ACK = 4  # as the Python client does
-_CHAIR = Path(__file__).parents[3] / "examples" / "objects" / "chair.glb"
+_CHAIR = OBJECTS / "chair.glb"
 _CHAIR_AT = np.array([0.0, 0.0, -1.2], np.float32)  # [m]
 _SETTLING = 1.0  # the first second of every stream is not counted [s]
 

@@ -14,6 +14,7 @@ import torch
 from roam_character.retarget import RetargetError
 from roam_character.skeleton import Skeleton
 from roam_serving.cache import RecentCache
+from roam_serving.shipped import REFERENCES, WEIGHTS
 
 from roam_goalpose.assessment.ranking import choose_diverse
 from roam_goalpose.assessment.result import GoalPoseResult, RankedPose, ranked_pose, summaries
@@ -46,7 +47,6 @@ __all__ = [
 SOLVERS = ("default", "paper")
 ENCODER_POINTS = 1500
 MODELS = 96  # reference models remembered: the shipped pairs for some skeletons and seeds
-_CHECKOUT = Path(__file__).parents[3]
 
 
 class RequestError(ValueError):
@@ -61,8 +61,8 @@ class RequestError(ValueError):
 class SynthesizerSettings:
     """Where the weights and reference pairs are."""
 
-    weights: Path = _CHECKOUT / "weights" / "field.safetensors"
-    references: Path = _CHECKOUT / "examples" / "references"
+    weights: Path = WEIGHTS / "field.safetensors"
+    references: Path = REFERENCES
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,20 +6,21 @@ outside: it looks at few characters and passes over those that touch nothing.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, Proposal, cleared, propose, settle
+from roam_motion.animation.advance import Proposal, cleared, propose, settle
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture
-from roam_motion.animation.features import Goals, goal_shapes
-from roam_motion.animation.figure import Figure
-from roam_motion.animation.living import alive, stillness
+from roam_motion.animation.figure import CONTACT_JOINTS, Figure
+from roam_motion.animation.living import WIDTH as LIFE
+from roam_motion.animation.living import Life, alive, gazed
+from roam_motion.animation.prediction import Goals, Predict, goal_shapes
 from roam_motion.animation.rows import join, row_width, split_array
-from roam_motion.animation.state import Characters, characters_width
+from roam_motion.animation.state import ROOT, STYLE, Characters, characters_width
 from roam_motion.animation.swing import swinging, walking
 from roam_motion.animation.torchscript import frozen, running
 
@@ -37,7 +38,7 @@ class Shown:
     snorm16: np.ndarray  # [B, J, 4] int16: the same times 32767
     positions: np.ndarray  # [B, J, 3] [m]
     contacts: np.ndarray  # [B, 4] 1 held, 0 free
-    style: np.ndarray  # [B] index of the action
+    style: np.ndarray  # [B] index of the style
     apart: np.ndarray  # [B] mean joint distance to the goal pose [m]
 
 
@@ -46,7 +47,7 @@ class Graphs:
 
     def __init__(self, figure: Figure, prediction: Predict, blending: Blending) -> None:
         self._figure, self._shapes = figure, _shown_shapes(figure.joint_count)
-        self._widths = [characters_width(figure.joint_count), row_width(goal_shapes(figure.joint_count)), 1]
+        self._widths = [characters_width(figure.joint_count), row_width(goal_shapes(figure.joint_count)), LIFE]
 
         def seen(numbers: Tensor) -> Tensor:
             return _bodies(figure, Characters.of(numbers))
@@ -56,9 +57,9 @@ class Graphs:
             return tuple(vars(propose(figure, prediction, characters, goals, blending)).values())
 
         def shown(numbers: Tensor, pushed: Tensor, *proposal: Tensor) -> tuple[Tensor, Tensor]:
-            characters, goals, clock = self._inputs(numbers)
+            characters, goals, life = self._inputs(numbers)
             after, joints = settle(figure, characters, Proposal(*proposal), pushed)
-            return _shown(figure, after, joints, goals.pose_positions, clock)
+            return _shown(figure, after, joints, goals.pose_positions, life)
 
         def stepped(numbers: Tensor) -> tuple[Tensor, Tensor]:
             proposal, pushed = self._cleared(numbers, proposed(numbers), None)
@@ -71,16 +72,16 @@ class Graphs:
         self._step = frozen(stepped, numbers)
 
     def bodies(self, rows: np.ndarray) -> list[list[float]]:
-        """Of every character x, z, the direction it faces, the hips' height, and the middle of its ankles x, z."""
+        """Of every character x, z, its direction, the hips' height, the middle of its ankles x, z, and its manner."""
         with running():
             found: Tensor = self._bodies(torch.from_numpy(rows))
         return found.tolist()
 
     def step(
-        self, rows: np.ndarray, goals: np.ndarray, clock: Sequence[float], around: tuple[Tensor, Furniture] | None
+        self, rows: np.ndarray, goals: np.ndarray, life: np.ndarray, around: tuple[Tensor, Furniture] | None
     ) -> Shown:
-        """`advance` on the numbers of characters [B, D] and goals [B, G]; `clock` [B] of their living idle [s]."""
-        numbers = torch.from_numpy(np.concatenate([rows, goals, np.array(clock, np.float32)[:, None]], 1))
+        """`advance` on the numbers of characters [B, D] and goals [B, G]; `life` [B, 8] of `Life`."""
+        numbers = torch.from_numpy(np.concatenate([rows, goals, life], 1))
         with running():
             if around is None:
                 found, short = self._step(numbers)
@@ -90,10 +91,10 @@ class Graphs:
         after, frames = np.split(found.numpy(), [rows.shape[1]], axis=1)
         return Shown(after, snorm16=short.numpy().copy(), **split_array(frames.copy(), self._shapes))
 
-    def _inputs(self, numbers: Tensor) -> tuple[Characters, Goals, Tensor]:
-        """Characters, goals and clock [B] of the graphs' input."""
-        rows, goals, clock = numbers.split(self._widths, 1)
-        return Characters.of(rows), Goals.of(goals, self._figure.joint_count), clock[:, 0]
+    def _inputs(self, numbers: Tensor) -> tuple[Characters, Goals, Life]:
+        """Characters, goals and what their living idle is told, of the graphs' input."""
+        rows, goals, life = numbers.split(self._widths, 1)
+        return Characters.of(rows), Goals.of(goals, self._figure.joint_count), Life.of(life)
 
     def _cleared(
         self, numbers: Tensor, proposal: Sequence[Tensor], around: tuple[Tensor, Furniture] | None
@@ -105,13 +106,14 @@ class Graphs:
 def _bodies(figure: Figure, characters: Characters) -> Tensor:
     positions = figure.positions(characters.hips, characters.orientations)
     feet = positions.index_select(1, figure.legs[:, 2])[..., ::2].mean(1)
-    return torch.cat([characters.past[:, -1, :4], characters.hips[:, 1:2], feet], 1)
+    return torch.cat([characters.past[:, -1, ROOT], characters.hips[:, 1:2], feet, characters.manner], 1)
 
 
-def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, clock: Tensor) -> tuple[Tensor, Tensor]:
+def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, life: Life) -> tuple[Tensor, Tensor]:
     """Rows of characters, whose `joints` are [B, J, 3], and of `_shown_shapes` side by side; rotations as int16."""
-    orientations = swinging(figure, joints, after.orientations, walking(after))
-    orientations = alive(figure, orientations, stillness(after), clock)
+    after = replace(after, gaze=gazed(figure, after, joints, life))
+    orientations = swinging(figure, joints, after.orientations, walking(after), after.manner)
+    orientations = alive(figure, after, orientations, life)
     positions = figure.positions(after.hips, orientations)
     rotations = figure.rotations(orientations)
     frame = {
@@ -119,7 +121,7 @@ def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, cloc
         "rotations": rotations,
         "positions": positions,
         "contacts": (after.lock_weights >= 1).float(),
-        "style": after.past[:, -1, 4:8].argmax(-1).float(),
+        "style": after.past[:, -1, STYLE].argmax(-1).float(),
         "apart": torch.linalg.vector_norm(positions - goal, dim=-1).mean(-1),
     }
     short = (rotations.clamp(-1.0, 1.0) * _SNORM16).round().to(torch.int16)
@@ -131,7 +133,7 @@ def _shown_shapes(joints: int) -> dict[str, tuple[int, ...]]:
         "root": (7,),
         "rotations": (joints, 4),
         "positions": (joints, 3),
-        "contacts": (4,),
+        "contacts": (len(CONTACT_JOINTS),),
         "style": (),
         "apart": (),
     }

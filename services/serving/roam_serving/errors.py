@@ -76,6 +76,13 @@ ORIGIN_NOT_ALLOWED = ErrorKind(
     "A web page of another site asked",
     "Serve the page from this machine, or name its origin in ROAM_CORS_ORIGIN_REGEX on the server.",
 )
+HOST_NOT_ALLOWED = ErrorKind(
+    "HOST_NOT_ALLOWED",
+    StatusCode.PERMISSION_DENIED,
+    403,
+    "The server was asked under a name that is not its own",
+    "Ask for it as localhost or by its address, or add the name to ROAM_ALLOWED_HOSTS on the server.",
+)
 ROUTE_NOT_FOUND = ErrorKind(
     "ROUTE_NOT_FOUND",
     StatusCode.UNIMPLEMENTED,
@@ -152,6 +159,7 @@ COMMON: tuple[ErrorKind, ...] = (
     API_KEY_MISSING,
     API_KEY_UNKNOWN,
     ORIGIN_NOT_ALLOWED,
+    HOST_NOT_ALLOWED,
     ROUTE_NOT_FOUND,
     METHOD_NOT_ALLOWED,
     UNSUPPORTED_MEDIA_TYPE,
@@ -175,7 +183,7 @@ def by_reason(kinds: Iterable[ErrorKind]) -> dict[str, ErrorKind]:
 
 
 def table_markdown(sections: Iterable[tuple[str, Iterable[ErrorKind]]]) -> str:
-    """The table as docs/errors.md shows it: one section per (heading, rows)."""
+    """The table as docs/reference/errors.md shows it: one section per (heading, rows)."""
     lines: list[str] = []
     for heading, kinds in sections:
         lines += [f"## {heading}", "", "| reason | gRPC | HTTP | meaning | what to do |", "|---|---|---|---|---|"]

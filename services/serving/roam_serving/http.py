@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from roam_serving.access import Access, AccessControl
 from roam_serving.closings import closing
-from roam_serving.errors import INTERNAL, ORIGIN_NOT_ALLOWED, ServiceError
+from roam_serving.errors import HOST_NOT_ALLOWED, INTERNAL, ORIGIN_NOT_ALLOWED, ServiceError
 from roam_serving.logs import choose_request_id, get_log, request_scope
 from roam_serving.metrics import Metrics
 from roam_serving.problems import PROBLEM_RESPONSES, add_problem_handlers, problem_response
@@ -46,6 +46,33 @@ def limited_receive(scope: Scope, receive: Receive, limit: int) -> Receive:
     return counted
 
 
+class AllowedHosts:
+    """The names under which a server answers (`Host`), against DNS rebinding.
+
+    A web page whose name resolves to 127.0.0.1 is of the same origin as this server for its browser, so its requests
+    carry no foreign `Origin`; but they carry the page's name as `Host`. What orchestrators ask under any name is open.
+    """
+
+    def __init__(self, allowed: str, listening: str) -> None:
+        names = {name.strip().lower() for name in allowed.split(",") if name.strip()}
+        own = f"[{listening}]" if ":" in listening else listening
+        self._names = names if "*" in names else names | {own.lower()}
+
+    def check(self, scope: Scope) -> None:
+        """HOST_NOT_ALLOWED for a request under another name."""
+        if "*" in self._names or scope["path"] in _QUIET:
+            return
+        host = Headers(scope=scope).get("host", "")
+        if _hostname(host) not in self._names:
+            raise ServiceError(HOST_NOT_ALLOWED, f"host {host[:200]!r}")
+
+
+def _hostname(host: str) -> str:
+    """`Host` without its port, in lower case; brackets stay on an IPv6 address."""
+    name = host.lower()
+    return name[: name.find("]") + 1] if name.startswith("[") else name.partition(":")[0]
+
+
 class RequestScope:
     """ASGI middleware: request id, origin, size limit, last resort 500; one log line and one metric per request."""
 
@@ -55,6 +82,7 @@ class RequestScope:
         self.tracing = tracing
         self.limit = settings.max_upload_bytes
         self.origins = re.compile(settings.cors_origin_regex)
+        self._hosts = AllowedHosts(settings.allowed_hosts, settings.host)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "websocket":
@@ -77,6 +105,7 @@ class RequestScope:
             self.tracing.span(f"{scope['method']} {scope['path']}", Headers(scope=scope)) as span,
         ):
             try:
+                self._hosts.check(scope)
                 self._check_origin(scope)
                 await self.app(scope, limited_receive(scope, receive, self.limit), tagged)
             except ServiceError as error:
@@ -93,6 +122,7 @@ class RequestScope:
 
     async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
+            self._hosts.check(scope)
             self._check_origin(scope)
         except ServiceError as error:
             code, reason = closing(error)
@@ -122,9 +152,10 @@ def operations_router(readiness: Readiness, metrics: Metrics) -> APIRouter:
     """/livez, /readyz and /metrics."""
     router = APIRouter(tags=["operations"])
 
-    @router.get("/livez", summary="The process runs")
-    async def livez() -> dict[str, str]:
-        return {"status": "alive"}
+    @router.get("/livez", summary="The process works; 503 with the reasons when only a restart helps")
+    async def livez() -> JSONResponse:
+        body = {"status": "alive"} if readiness.alive else {"status": "failed", "failures": dict(readiness.failures)}
+        return JSONResponse(body, status_code=200 if readiness.alive else 503)
 
     @router.get("/readyz", summary="The server can answer; 503 with the reasons when it cannot")
     async def readyz() -> JSONResponse:

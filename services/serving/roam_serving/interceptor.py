@@ -6,10 +6,11 @@ from time import monotonic
 from typing import Any
 
 import grpc
+from google.protobuf.message import DecodeError
 from grpc_status import rpc_status as rich_status
 
 from roam_serving.access import Access
-from roam_serving.errors import INTERNAL, ServiceError
+from roam_serving.errors import INTERNAL, INVALID_ARGUMENT, ServiceError
 from roam_serving.logs import choose_request_id, get_log, request_scope
 from roam_serving.metrics import Metrics
 from roam_serving.statuses import rpc_status
@@ -36,6 +37,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
         if handler is None:
             return None
         method = details.method
+        decode = handler.request_deserializer and _decoder(handler.request_deserializer)
         if handler.response_streaming:
             make = grpc.stream_stream_rpc_method_handler if handler.request_streaming else _unary_stream
             behaviour = handler.stream_stream if handler.request_streaming else handler.unary_stream
@@ -46,7 +48,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
             wrapped = self._single(method, behaviour)
         return make(
             wrapped,
-            request_deserializer=handler.request_deserializer,
+            request_deserializer=decode,
             response_serializer=handler.response_serializer,
         )
 
@@ -55,7 +57,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
             with self._scope(method, context):
                 try:
                     self._admit(method, context)
-                    return await behaviour(request, context)
+                    return await behaviour(_decoded(request), context)
                 except Exception as error:
                     await _abort(context, error)
 
@@ -66,7 +68,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
             with self._scope(method, context):
                 try:
                     self._admit(method, context)
-                    answer = behaviour(request, context)
+                    answer = behaviour(_decoded(request), context)
                     if not hasattr(answer, "__aiter__"):  # writes through the context instead of yielding
                         await answer
                         return
@@ -103,6 +105,35 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
                 if span is not None:
                     span.set_attribute("rpc.grpc.status_code", code)
                     span.set_attribute("roam.request_id", request_id)
+
+
+class _Undecodable:
+    """Stands for bytes that are no message of the method's type; gRPC itself would answer UNKNOWN without a reason."""
+
+
+def _decoder(decode: Callable[[bytes], Any]) -> Callable[[bytes], Any]:
+    def decoded(data: bytes) -> Any:
+        try:
+            return decode(data)
+        except DecodeError:
+            return _Undecodable()
+
+    return decoded
+
+
+def _decoded(request: Any) -> Any:
+    """The request, or the iterator of requests, with INVALID_ARGUMENT raised where one could not be decoded."""
+    if hasattr(request, "__aiter__"):
+        return _each_decoded(request)
+    if isinstance(request, _Undecodable):
+        remedy = "Encode the message with the code generated from this version's .proto files (proto/roam/v1)."
+        raise ServiceError(INVALID_ARGUMENT, "the bytes are not the message that this method takes", remedy=remedy)
+    return request
+
+
+async def _each_decoded(requests: AsyncIterator[Any]) -> AsyncIterator[Any]:
+    async for request in requests:
+        yield _decoded(request)
 
 
 _unary_unary = grpc.unary_unary_rpc_method_handler

@@ -11,7 +11,23 @@ class Readiness:
 
     def __init__(self) -> None:
         self._blockers: dict[str, str] = {}
+        self._broken: dict[str, str] = {}
         self._listeners: list[Callable[[bool], None]] = []
+
+    @property
+    def alive(self) -> bool:
+        """False once a part has failed for good: only a new process helps."""
+        return not self._broken
+
+    @property
+    def failures(self) -> Mapping[str, str]:
+        """Reason of every part that has failed for good."""
+        return dict(self._broken)
+
+    def fail(self, condition: str, reason: str) -> None:
+        """Says that `condition` will never hold again in this process: not ready, and /livez fails too."""
+        self._broken[condition] = reason
+        self.block(condition, reason)
 
     @property
     def ready(self) -> bool:

@@ -89,9 +89,11 @@ class _EventTypeEnumTypeWrapper(_enum_type_wrapper._EnumTypeWrapper[_EventType.V
     EVENT_TYPE_DRAINING: _EventType.ValueType  # 3
     """The replica is shutting down; resume elsewhere."""
     EVENT_TYPE_CONTROL_APPLIED: _EventType.ValueType  # 4
-    """A control was taken; sent on the streams of its session."""
+    """A control was taken; sent on the streams of its session, and again on a stream that resumes after a takeover."""
     EVENT_TYPE_SESSION_ENDED: _EventType.ValueType  # 5
     """The session was deleted or expired; the stream ends after this."""
+    EVENT_TYPE_WARNING: _EventType.ValueType  # 6
+    """The session goes on, but something is probably not as its caller means it; reason says what."""
 
 class EventType(_EventType, metaclass=_EventTypeEnumTypeWrapper):
     """Kinds of SessionEvent."""
@@ -105,9 +107,11 @@ EVENT_TYPE_FRAMES_SKIPPED: EventType.ValueType  # 2
 EVENT_TYPE_DRAINING: EventType.ValueType  # 3
 """The replica is shutting down; resume elsewhere."""
 EVENT_TYPE_CONTROL_APPLIED: EventType.ValueType  # 4
-"""A control was taken; sent on the streams of its session."""
+"""A control was taken; sent on the streams of its session, and again on a stream that resumes after a takeover."""
 EVENT_TYPE_SESSION_ENDED: EventType.ValueType  # 5
 """The session was deleted or expired; the stream ends after this."""
+EVENT_TYPE_WARNING: EventType.ValueType  # 6
+"""The session goes on, but something is probably not as its caller means it; reason says what."""
 Global___EventType: _TypeAlias = EventType  # noqa: Y015
 
 @_typing.final
@@ -477,6 +481,7 @@ class SessionEvent(_message.Message):
     CONTROL_ID_FIELD_NUMBER: _builtins.int
     GOAL_POSE_FIELD_NUMBER: _builtins.int
     SKIPPED_COUNT_FIELD_NUMBER: _builtins.int
+    REASON_FIELD_NUMBER: _builtins.int
     type: Global___EventType.ValueType
     """Its kind."""
     sequence: _builtins.int
@@ -489,6 +494,8 @@ class SessionEvent(_message.Message):
     """For GOAL_REACHED: Goal.goal_pose of the goal."""
     skipped_count: _builtins.int
     """For FRAMES_SKIPPED: how many."""
+    reason: _builtins.str
+    """For WARNING: SEAT_TAKEN (another session of the same caller has a goal there) or START_IN_FURNITURE."""
     @_builtins.property
     def reconnect_within(self) -> _duration_pb2.Duration:
         """For DRAINING: reconnect within this time."""
@@ -503,10 +510,11 @@ class SessionEvent(_message.Message):
         control_id: _builtins.int = ...,
         goal_pose: _builtins.str = ...,
         skipped_count: _builtins.int = ...,
+        reason: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["reconnect_within", b"reconnect_within"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["control_id", b"control_id", "goal_pose", b"goal_pose", "message", b"message", "reconnect_within", b"reconnect_within", "sequence", b"sequence", "skipped_count", b"skipped_count", "type", b"type"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["control_id", b"control_id", "goal_pose", b"goal_pose", "message", b"message", "reason", b"reason", "reconnect_within", b"reconnect_within", "sequence", b"sequence", "skipped_count", b"skipped_count", "type", b"type"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 

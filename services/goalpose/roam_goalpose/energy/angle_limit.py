@@ -1,8 +1,8 @@
 """E_a: joint angles within the limits seen in motion capture, relaxed by 10 degrees (paper Eq. 7 and 8, supplement C).
 
-The paper bounds Euler angles, whose flips leave some joints free (METHOD-NOTES 9); here each joint's rotation is
-split into a twist about its bone and a swing across it, R = swing * twist, and each of the three angles has its
-bounds.
+The paper bounds Euler angles, whose flips leave some joints free (docs/concepts/method.md, 9); here each joint's
+rotation is split into a twist about its bone and a swing across it, R = swing * twist, and each of the three angles
+has its bounds.
 """
 
 import json

@@ -36,7 +36,7 @@ class EnergyWeights:
 
 
 # The published weights (supplement C), turned from mm^2, deg^2 and unit-box^2 into SI: 1e-3 deg^-2 = 3.283 rad^-2 and
-# 1e-8 mm^-2 = 1e-2 m^-2. METHOD-NOTES "Energy" tells where each factor enters.
+# 1e-8 mm^-2 = 1e-2 m^-2. See docs/concepts/method.md, "Energy".
 PAPER_RIGID = EnergyWeights()
 PAPER_JOINTS = EnergyWeights()
 PAPER_FULL = EnergyWeights(angle_limit=3.283, floor=1e-2, prior=1e-2)

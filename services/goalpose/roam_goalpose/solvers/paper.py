@@ -1,8 +1,8 @@
 """The published schedule (supplement C): 250 rigid, 100 joint and 150 regularised Adam steps from the paper's initial
 pose.
 
-Our changes (METHOD-NOTES): metres instead of millimetres and boxes, several initial headings in one batch, the best
-iterate instead of the last, no gradients for the network.
+Our changes (docs/concepts/method.md): metres instead of millimetres and boxes, several initial headings in one batch,
+the best iterate instead of the last, no gradients for the network.
 """
 
 from dataclasses import dataclass

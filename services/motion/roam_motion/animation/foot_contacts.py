@@ -1,6 +1,6 @@
 """Foot locking: a planted foot stays where it was put, the leg and, if it must, the pelvis follow.
 
-The published code leaves this inoperative (METHOD-NOTES, decision 6). A contact is held on the floor from its first
+The published code leaves this inoperative (docs/concepts/method.md, 6). A contact is held on the floor from its first
 frame; on release the foot goes over to the network's place within a few frames, never faster than feet move. A planted
 foot is held at its ankle, and turned so that its toes stay too; once the heel lifts it is held at its toes. Near the
 goal pose, a foot held away from its place there makes one small lifted step, never a slide. Feet are kept above the
@@ -14,11 +14,12 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.animation.figure import Figure, turn_between, unit
-from roam_motion.animation.state import Characters
+from roam_motion.animation.state import FRAME_RATE, PLACE, Characters
+from roam_motion.animation.stepping import Steps, rise
 
-_ON, _OFF = 0.55, 0.35  # contact probability that starts and ends a lock
+_ON, _OFF = 0.7, 0.55  # contact probability that starts and ends a lock
 _RELEASE, _STEP = 0.25, 0.09  # weight lost per frame: leaving the floor when walking, adjusting step when seated
-_OVERREACH = 0.01  # [m] a lock this far beyond the straight leg is let go
+_OVERREACH = 0.0  # [m] a lock this far beyond the straight leg is let go
 _STRAY = 0.15  # [m] a foot that the network wants this far away is let go
 _RESTING = 0.6  # blending weight from which the seat carries the body, and both feet may step at once
 _MISPLACED = 0.012  # [m] a seated foot farther than this from its goal place takes a step
@@ -26,10 +27,16 @@ _LIFT = 0.03  # [m] height of that step
 _LEAST_ANKLE, _LEAST_TOES = 0.070, 0.020  # lowest heights over the floor [m]
 _FLATTEST = 0.99  # share of a foot's length that it covers of the floor at most
 _REACH = 0.998  # share of the leg's length that counts as straight
-_FASTEST = 0.10, 0.06  # [m] an ankle moves per frame at most, walking (3 m/s) and when seated
-_YIELD = 0.02  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
+_FASTEST = (
+    0.10,
+    0.06,
+    0.07,
+)  # [m] an ankle moves per frame at most, walking at 0.9 m/s (3 m/s), seated, stepping by rule
+_FASTER = 0.075, 0.9, 1.3  # [m] that it may move farther when walking faster: all of it at 1.3 m/s
+_YIELD = 0.012  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
-_LOW = (0.13, 0.036)  # [m] a lock begins only below this height of ankle and toe joint
+_STRIDE = 15  # frames over which the speed is measured
+_LOW = (0.13, 0.028)  # [m] a lock begins only below this height of ankle and toe joint
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,7 @@ class Planted:
 def plant(
     figure: Figure,
     characters: Characters,
+    steps: Steps,
     before: Tensor,
     wanted: Tensor,
     orientations: Tensor,
@@ -56,23 +64,27 @@ def plant(
 ) -> Planted:
     """Brings the feet to where they belong.
 
-    Args: `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the blended ones, `orientations` [B, J, 3, 3],
-    `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight, `floor` [B, 4] 1 where they belong on the
-    floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether furniture is where the shin of a foot
-    would be: such a foot is not held.
+    Args: `steps` that the rule for standing asks for, `before` [B, J, 3] the joints shown last, `wanted` [B, J, 3] the
+    blended ones, `orientations` [B, J, 3, 3], `contacts` [B, 4] probabilities, `seated` [B] the bidirectional weight,
+    `floor` [B, 4] 1 where they belong on the floor (0 when lying, or hanging from a high seat), `pushed` [B, 2] whether
+    furniture is where the shin of a foot would be: such a foot is not held.
     """
     track = wanted[:, figure.contacts]
     last = before[:, figure.contacts]
     within = _within_reach(figure, wanted, orientations, characters.locks) & ~pushed.repeat_interleave(2, -1)
-    locks, weights = _locks(characters, last, track, contacts * floor, seated, within)
+    locks, weights = _locks(characters, steps, last, track, contacts * floor, seated, within)
     eased = weights * weights * (3 - 2 * weights)
     arms = _arms(figure, orientations, track, locks, eased)
     ankle = _ankles(track, locks, weights, eased, arms, seated)
-    ankle = _not_too_fast(last[:, ::2], ankle, seated)
+    arms = torch.lerp(arms, track[:, 1::2] - track[:, ::2], steps.share[..., None])
+    hurry = _hurry(characters)
+    ankle = _not_too_fast(last[:, ::2], ankle, steps, seated, hurry)
     toes = last[:, 1::2]
-    arms = _not_too_far(toes, ankle + arms, _FASTEST_TOES) - ankle
+    arms = _not_too_far(toes, ankle + arms, (_FASTEST_TOES + hurry)[..., None]) - ankle
     arms = unit(arms) * figure.lengths[figure.legs[:, 3], None]
-    hips, reached = _reach(figure, wanted[:, 0], orientations, ankle)
+    joints = figure.positions(wanted[:, 0], orientations)
+    joints = joints + rise(figure, steps, joints, ankle)[:, None]
+    hips, reached = _reach(figure, joints, orientations, ankle)
     return Planted(hips, _feet_turned(figure, reached, arms), locks, weights)
 
 
@@ -89,7 +101,7 @@ def _within_reach(figure: Figure, wanted: Tensor, orientations: Tensor, locks: T
 
 
 def _locks(
-    characters: Characters, last: Tensor, track: Tensor, contacts: Tensor, seated: Tensor, within: Tensor
+    characters: Characters, steps: Steps, last: Tensor, track: Tensor, contacts: Tensor, seated: Tensor, within: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Next lock positions [B, 4, 3] and weights [B, 4]: 1 held, between letting go, 0 free.
 
@@ -103,16 +115,20 @@ def _locks(
     away = (weights > 0) & (weights < 1)
     other = away[:, [2, 3, 0, 1]].reshape(-1, 2, 2).any(-1).repeat_interleave(2, -1)
     first = misplaced[:, :2].any(-1, keepdim=True) & torch.tensor([False, False, True, True])
+    ruled, free = (each.repeat_interleave(2, -1) for each in (steps.stays > 0, steps.share > 0))
     stay = (
         held
         & within
-        & (contacts > _OFF)
-        & (apart < _STRAY)
+        & ~free
+        & (ruled | ((contacts > _OFF) & (apart < _STRAY)))
         & ~(misplaced & (~other & ~first | (seated[:, None] > _RESTING)))
     )
-    start = (weights <= 0) & (contacts > _ON) & (track[..., 1] < torch.tensor([*_LOW, *_LOW]))
+    low = track[..., 1] < torch.tensor([*_LOW, *_LOW])
+    landed = (steps.landed > 0).repeat_interleave(2, -1)
+    start = ~free & ((weights <= 0) & (contacts > _ON) & low | landed & within)
     rate = torch.where(seated[:, None] > 0.5, _STEP, _RELEASE)
     weights = torch.where(stay | start, torch.ones_like(weights), (weights - rate).clamp_min(0.0))
+    weights = torch.where(free, torch.zeros_like(weights), weights)
     return torch.where(start[..., None], last, characters.locks), weights
 
 
@@ -150,9 +166,19 @@ def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: 
     return torch.stack([ankle[..., 0], height, ankle[..., 2]], -1)
 
 
-def _not_too_fast(before: Tensor, ankle: Tensor, seated: Tensor) -> Tensor:
+def _hurry(characters: Characters) -> Tensor:
+    """What feet may move farther in a frame [B, 1] [m], of somebody who walks fast."""
+    way = characters.past[:, -1, PLACE] - characters.past[:, -1 - _STRIDE, PLACE]
+    speed = vector_norm(way, dim=-1, keepdim=True) * (FRAME_RATE / _STRIDE)
+    more, least, most = _FASTER
+    return more * ((speed - least) / (most - least)).clamp(0.0, 1.0)
+
+
+def _not_too_fast(before: Tensor, ankle: Tensor, steps: Steps, seated: Tensor, hurry: Tensor) -> Tensor:
     """Ankle targets no farther from the last shown ones than feet move in a frame."""
-    return _not_too_far(before, ankle, torch.where(seated > 0.5, _FASTEST[1], _FASTEST[0])[:, None, None])
+    most = torch.where(seated[:, None] > 0.5, hurry.new_full((), _FASTEST[1]), _FASTEST[0] + hurry)
+    most = torch.lerp(most.expand(-1, 2), most.new_full((), _FASTEST[2]).expand_as(steps.share), steps.share)
+    return _not_too_far(before, ankle, most[..., None])
 
 
 def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
@@ -161,9 +187,11 @@ def _not_too_far(before: Tensor, after: Tensor, most: Tensor | float) -> Tensor:
     return before + step * (most / vector_norm(step, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
 
 
-def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) -> tuple[Tensor, Tensor]:
-    """Hips and orientations with both ankles at `ankle` [B, 2, 3]; the pelvis gives way when a leg is too short."""
-    joints = figure.positions(hips, orientations)
+def _reach(figure: Figure, joints: Tensor, orientations: Tensor, ankle: Tensor) -> tuple[Tensor, Tensor]:
+    """Hips and orientations of a body at `joints` [B, J, 3] with both ankles at `ankle` [B, 2, 3].
+
+    The pelvis gives way when a leg is too short.
+    """
     thigh, shin, foot = (figure.legs[:, i] for i in range(3))
     length = figure.lengths[shin] + figure.lengths[foot]
     stretch = ankle - joints[:, thigh]
@@ -171,7 +199,7 @@ def _reach(figure: Figure, hips: Tensor, orientations: Tensor, ankle: Tensor) ->
     excess = (reach - _REACH * length[:, None]).clamp(0.0, _YIELD) * stretch / reach
     size = vector_norm(excess, dim=-1, keepdim=True)
     shift = torch.where(size[:, 0] > size[:, 1], excess[:, 0], excess[:, 1])
-    hips, joints = hips + shift, joints + shift[:, None]
+    hips, joints = joints[:, 0] + shift, joints + shift[:, None]
     start, knee, end = joints[:, thigh], joints[:, shin], joints[:, foot]
     lengths = figure.lengths[shin, None], figure.lengths[foot, None]
     bent = _knees(start, knee, ankle, orientations[:, thigh][..., 2], lengths)

@@ -12,11 +12,13 @@ import torch
 from torch import Tensor
 
 from roam_motion.animation.figure import Figure, turn_about
+from roam_motion.animation.manner import of
 from roam_motion.animation.state import Characters, strolling
 
 # Measured on steady walking at 0.7 to 1.0 m/s, clips of the training set beside the network: deviations of 7.5 to 5.5
 # degrees of the arm, of 4.3 to 3.6 degrees of the shoulders' turn against the hips.
-_ARM, _TRUNK = 0.37, 0.2  # shares of the swing that are added
+# The second number is what a deviate of `arms` adds: people's arms swing by 0.6 to 1.5 times the mean (5, 95 %).
+_ARM, _TRUNK = (0.37, 0.35), (0.2, 0.2)  # shares of the swing that are added
 _HANGING = 0.295  # [rad] hands swing about this far in front of their shoulders, in the clips and here alike
 _MOST = 0.3  # [rad] added at most
 _ARMS = ("UpperArm", "LowerArm", "Hand")
@@ -37,22 +39,23 @@ def _joints(figure: Figure) -> tuple[Tensor, Tensor, Tensor]:
     return torch.tensor([*trunk, *arms[0], *arms[1]]), torch.tensor(arms), figure.legs[:, 0]
 
 
-def swinging(figure: Figure, positions: Tensor, orientations: Tensor, share: Tensor) -> Tensor:
+def swinging(figure: Figure, positions: Tensor, orientations: Tensor, share: Tensor, manner: Tensor) -> Tensor:
     """World orientations [B, J, 3, 3] with arms that swing a `share` [B] of what is missing farther.
 
-    `positions` [B, J, 3] are the joints of the body as the step made it [m].
+    `positions` [B, J, 3] are the joints of the body as the step made it [m], `manner` [B, 7] who it is.
     """
     turned, arms, thighs = _joints(figure)
     root = figure.frame(positions)
     local = root.points_in(positions)
     share = share[:, None]
+    of_arms, of_trunk = (mean + more * of(manner, "arms")[:, None] for mean, more in (_ARM, _TRUNK))
     across, hips = (local[:, pair[0]] - local[:, pair[1]] for pair in (arms[:, 0], thighs))
     twist = _yaw(across) - _yaw(hips)  # [B]
-    yaw = (_TRUNK * share * twist[:, None]).clamp(-_MOST, _MOST).expand(-1, len(turned))
+    yaw = (of_trunk * share * twist[:, None]).clamp(-_MOST, _MOST).expand(-1, len(turned))
     orientations = _turned(orientations, turned, yaw, torch.tensor([0.0, 1.0, 0.0]))
     reach = local[:, arms[:, 2]] - local[:, arms[:, 0]]  # [B, 2, 3]
     ahead = torch.atan2(reach[..., 2], -reach[..., 1]) - _HANGING
-    pitch = (_ARM * share * ahead).clamp(-_MOST, _MOST).repeat_interleave(3, 1)
+    pitch = (of_arms * share * ahead).clamp(-_MOST, _MOST).repeat_interleave(3, 1)
     left = torch.stack([root.direction[:, 1], torch.zeros_like(share[:, 0]), -root.direction[:, 0]], -1)[:, None]
     return _turned(orientations, arms.flatten(), -pitch, left)
 

@@ -9,9 +9,13 @@ from roam_character.rotation import quat_to_matrix
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
-from roam_motion.animation.features import Goals, Targets
+from roam_motion.actions import STYLES
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.manner import NAMES
+from roam_motion.animation.prediction import Goals
 from roam_motion.animation.state import FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
+from roam_motion.animation.stepping import pose_feet
+from roam_motion.models.lnsm.features import Targets
 from roam_motion.training.episodes import Episode
 
 _PLAN_SMOOTHING = 0.35 * FRAME_RATE  # frames: a planned path knows nothing of the sway of steps
@@ -74,6 +78,10 @@ class Dataset:
             lock_weights=contacts.clone(),
             settled=torch.zeros(batch),
             blend=torch.zeros(batch),
+            standing=torch.zeros(batch),
+            steps=torch.zeros(batch, 2),
+            manner=torch.zeros(batch, len(NAMES)),
+            gaze=torch.zeros(batch, 3),
         )
 
     def emphasised(self, factor: float, frames: int = 60) -> "Dataset":
@@ -88,21 +96,23 @@ class Dataset:
     def _clamped(self, at: Tensor, steps: Tensor) -> Tensor:
         return torch.minimum(at[:, None] + steps, self.last[at][:, None])
 
-    def goals(self, at: Tensor) -> Goals:
+    def goals(self, figure: Figure, at: Tensor) -> Goals:
         """Goals at frames `at` [B]: the planned path 0..2 s ahead, or the goal pose's root."""
         steps = torch.arange(KEYS) * KEY_STRIDE
         seen = torch.minimum(at[:, None] + steps, self.horizon[at][:, None]).clamp_min(0)
         path = self.plan[torch.maximum(seen, at[:, None])]
         row = self.goal[at]
         fixed, safe = row >= 0, row.clamp_min(0)
+        active, pose = self.goal_active[safe] * fixed, self.goal_positions[safe]
         keys = torch.where(fixed[:, None, None], self.goal_root[safe][:, None].expand(-1, KEYS, -1), path)
         return Goals(
             positions=keys[..., :2],
             directions=keys[..., 2:],
-            action=torch.nn.functional.one_hot(self.intent[at], 4).float(),
-            active=self.goal_active[safe] * fixed,
-            pose_positions=self.goal_positions[safe],
+            action=torch.nn.functional.one_hot(self.intent[at], len(STYLES)).float(),
+            active=active,
+            pose_positions=pose,
             pose_orientations=self.goal_orientations[safe],
+            feet=pose_feet(figure, pose) * active[:, None, None],
             urgency=torch.zeros(len(at)),
         )
 

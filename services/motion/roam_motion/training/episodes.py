@@ -15,13 +15,13 @@ from roam_character.kinematics import facing, forward_kinematics, limb, reach_wi
 from roam_character.rotation import quat_inv, quat_mul, quat_nlerp, quat_rotate, quat_slerp
 from roam_character.skeleton import Skeleton
 
+from roam_motion.actions import ACTIONS, IDLE, SIT, WALK
 from roam_motion.animation.figure import CONTACT_JOINTS
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training import labels
 from roam_motion.training.goals import LEGS, Bank, Key, aligned, new_goal
 from roam_motion.training.recordings import Recording, Span
 
-IDLE, WALK, SIT, LIE = range(4)
 _LIVING = 0.15  # share of the clip's own motion that remains while held
 _ADJUST = 12  # frames of an adjusting step
 _LIFT = 0.035  # its height [m]
@@ -38,7 +38,7 @@ class Episode:
     contacts: np.ndarray  # [T, 4] bool
     styles: np.ndarray  # [T, 4] soft labels
     phase: np.ndarray  # [T] turns, unwrapped
-    intent: np.ndarray  # [T] index into ACTIONS
+    intent: np.ndarray  # [T] index into STYLES
     goal: np.ndarray  # [T] index into goals, or -1
     horizon: np.ndarray  # [T] last frame whose root the path goals of this frame may show
     goals: tuple[tuple[Key, bool], ...]  # pose and whether it is an interaction (False: only its root, to stand at)
@@ -63,7 +63,7 @@ def locomotion(recording: Recording, skeleton: Skeleton) -> list[Episode]:
                 contacts[cut],
                 styles[cut],
                 phase[cut],
-                np.where(idle, IDLE, WALK),
+                np.where(idle, IDLE.column, WALK.column),
                 np.full(count, -1),
                 np.full(count, count - 1),
                 (),
@@ -106,7 +106,7 @@ def interaction(recording: Recording, span: Span, banks: dict[str, Bank], rng: n
         return None
     first_key, last_key = (Key(clip.root_positions[t], clip.rotations[t]) for t in (span.first, span.last))
     goal = new_goal(skeleton, span.action, banks[span.action], first_key, rng)
-    goal = aligned(skeleton, goal, first_key, rng, by_feet=span.action == "sit")
+    goal = aligned(skeleton, goal, first_key, rng, by_feet=span.action == SIT.name)
     return _bent(recording, span, goal, (first_key, last_key), rng)
 
 
@@ -124,7 +124,7 @@ def _bent(recording: Recording, span: Span, goal: Key, keys: tuple[Key, Key], rn
     contacts, styles, phase, _ = _labels(recording)
     contacts, phase = contacts[order].copy(), _continued(phase, order)
     bent = Clip(skeleton, clip.frame_rate, hips.astype(np.float32), rotations.astype(np.float32))
-    if span.action == "sit":
+    if span.action == SIT.name:
         marks = [int(np.argmax(order >= t)) for t in (down, span.first, span.last, up)]
         bent, contacts = _planted(clip, order, bent, goal, contacts, marks, rng)
     return _episode(recording, span, bent, (contacts, styles[order], phase), order, goal, (down, up), rng)
@@ -272,15 +272,14 @@ def _episode(
     contacts, styles, phase = tracks
     count = len(order)
     down, up = upright
-    action = SIT if span.action == "sit" else LIE
     # The command to sit comes a little before the descent, the command to rise a little before the rise.
     switch = int(np.argmax(order >= down)) - int(rng.integers(0, 25))
     switch = max(switch, 0)
     rise = int(np.argmax(order >= span.last)) - int(rng.integers(20, 40)) if span.up is not None else count
     stand = int(np.argmax(order >= up)) if span.up is not None else count
-    intent, at, horizon = np.full(count, WALK), np.full(count, -1), np.full(count, switch)
-    intent[switch:rise], at[switch:rise] = action, 0
-    intent[rise:stand], at[rise:stand] = IDLE, 1
+    intent, at, horizon = np.full(count, WALK.column), np.full(count, -1), np.full(count, switch)
+    intent[switch:rise], at[switch:rise] = ACTIONS[span.action].column, 0
+    intent[rise:stand], at[rise:stand] = IDLE.column, 1
     horizon[stand:] = count - 1
     standing = Key(bent.root_positions[min(stand, count - 1)], bent.rotations[min(stand, count - 1)])
     return Episode(

@@ -9,9 +9,9 @@ is then a supervised example (dataset aggregation), and no gradient has to pass 
 import torch
 from torch import Tensor
 
-from roam_motion.animation.features import Targets
 from roam_motion.animation.figure import Figure, Frame, orthonormal
-from roam_motion.animation.state import FUTURE, KEY_STRIDE, Characters
+from roam_motion.animation.state import FUTURE, KEY_STRIDE, PHASE, STYLE, Characters
+from roam_motion.models.lnsm.features import Targets
 
 _POSE_KEEP = 0.90  # share of a pose difference left after a frame: half gone in 0.22 s
 _ROOT_KEEP = 0.96  # of a place or heading difference: half gone in 0.57 s
@@ -61,11 +61,11 @@ def _trajectory(keys: Tensor, offset: Tensor, turn: Tensor) -> Tensor:
     left = _ROOT_KEEP**frames  # [7]
     places = keys[..., :2] + left[:, None] * offset[:, None]
     directions = _turned(keys[..., 2:4], left * turn[:, None])
-    return torch.cat([places, directions, keys[..., 4:]], -1)
+    return torch.cat([places, directions, keys[..., STYLE]], -1)
 
 
 def _phase(characters: Characters, truth: Characters, advances: Tensor) -> Tensor:
-    behind = truth.past[:, -1, 8] - characters.past[:, -1, 8]
+    behind = truth.past[:, -1, PHASE.start] - characters.past[:, -1, PHASE.start]
     behind = behind - behind.round()
     frames = 1 + KEY_STRIDE * torch.arange(FUTURE + 1)
     return advances + (1 - _PHASE_KEEP**frames) * behind[:, None]

@@ -5,13 +5,14 @@ from dataclasses import fields
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, advance
-from roam_motion.animation.features import Inputs, encode, encode_targets
+from roam_motion.animation.advance import advance
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import Predict
 from roam_motion.animation.state import Characters
+from roam_motion.models.lnsm.config import WHOLE, Parts
+from roam_motion.models.lnsm.features import Inputs, encode, encode_targets
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.expert import returning
-from roam_motion.training.parts import WHOLE, Parts
 
 _LOST = 0.6  # [m] root difference at which a roll-out starts again elsewhere
 
@@ -35,11 +36,11 @@ class Rollout:
     def example(self) -> tuple[Inputs, Tensor, Tensor]:
         """Inputs, expert output [B, O], and whether the goal is active [B], for the present states."""
         figure, characters = self.figure, self.characters
-        goals = self.dataset.goals(self.at)
+        goals = self.dataset.goals(self.figure, self.at)
         truth, ahead = self.dataset.characters(figure, self.at), self.dataset.targets(figure, self.at)
         positions = figure.positions(characters.hips, characters.orientations)
         root = figure.frame(positions)
-        inputs = self.parts.seen(encode(figure, characters, goals, positions, root))
+        inputs = self.parts.seen(encode(characters, goals, positions, root))
         targets = returning(figure, characters, positions, truth, ahead)
         return inputs, encode_targets(figure, characters, goals, positions, root, targets), goals.active
 
@@ -49,7 +50,7 @@ class Rollout:
 
         Returns the mean root difference from the data [m].
         """
-        goals = self.dataset.goals(self.at)
+        goals = self.dataset.goals(self.figure, self.at)
         after, positions, _ = advance(self.figure, predict, self.characters, goals, self.parts.blending())
         self.at = self.at + 1
         away = (positions[:, 0, [0, 2]] - self.dataset.root[self.at, :2]).norm(dim=-1)

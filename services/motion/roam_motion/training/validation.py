@@ -3,10 +3,11 @@
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, advance
+from roam_motion.animation.advance import advance
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import Predict
+from roam_motion.models.lnsm.config import WHOLE, Parts
 from roam_motion.training.dataset import Dataset
-from roam_motion.training.parts import WHOLE, Parts
 
 _FRAMES = 120
 _CHARACTERS = 96
@@ -35,7 +36,9 @@ def rollout_scores(
     roots, poses, goals, slides = [], [], [], []
     previous = figure.positions(characters.hips, characters.orientations)
     for _ in range(_FRAMES):
-        characters, positions, distance = advance(figure, predict, characters, dataset.goals(at), parts.blending())
+        characters, positions, distance = advance(
+            figure, predict, characters, dataset.goals(figure, at), parts.blending()
+        )
         running = at < dataset.last[at]
         at = torch.minimum(at + 1, dataset.last[at])
         truth = figure.positions(dataset.hips[at], dataset.orientations[at])
