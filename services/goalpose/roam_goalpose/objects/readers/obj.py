@@ -41,7 +41,7 @@ def read_obj(data: bytes, limits: Limits, companions: Mapping[str, bytes]) -> Ge
     if _NOT_A_NUMBER.search(text):
         text = _BROKEN.sub(lambda line: _NOT_A_NUMBER.sub(_HUGE, line.group()), text)
     reader = _parsed(text)
-    # Not through the binding's numpy_* accessors: in 2.0.0rc13 their arrays are all zeros.
+    # Not through the binding's numpy_* accessors: in 2.0.0rc13 all entries hold the first value.
     vertices = np.array(reader.GetAttrib().vertices, np.float64).reshape(-1, 3)
     faces: list[Indices] = []
     part: list[Indices] = []
