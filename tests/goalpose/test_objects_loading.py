@@ -286,7 +286,7 @@ def test_headers_that_promise_a_billion():
     _refused("OBJECT_TOO_COMPLEX", "content", ply, "ply")
     _refused("OBJECT_MALFORMED", "content", ply.replace(b"1000000000", b"1000000"), "ply")
     off = b"OFF\n1000000000 1000000000 0\n0 0 0\n"
-    _refused("OBJECT_MALFORMED", "content", off, "off")
+    _refused("OBJECT_TOO_COMPLEX", "content", off, "off")
 
 
 def test_raw_files_as_people_upload_them(objects):
