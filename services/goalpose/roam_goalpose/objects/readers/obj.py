@@ -16,7 +16,7 @@ from roam_goalpose.objects.readers.polygons import triangulate
 # tinyobjloader takes words behind the coordinates for a weight or a colour, and does not join lines that end with \.
 _COMMENT = re.compile(rb"#[^\n\r]*")
 _JOINED = re.compile(rb"\\[ \t]*\r?\n")
-_NOT_A_NUMBER = re.compile(rb"(?i)(?<![\w.])[-+]?(nan|inf|infinity|1\.#\w+)(?![\w])")
+_NOT_A_NUMBER = re.compile(rb"(?i)(?<![\w.])[-+]?(nan|inf|1\.#)\w*")
 _HUGE = b"1e30"  # stands for what is no number: refused where a face uses it
 _BROKEN = re.compile(rb"(?im)^[ \t]*v[ \t][^\n]*(nan|inf|1\.#)[^\n]*$")
 _VERTEX = re.compile(rb"(?m)^[ \t]*v[ \t]")
