@@ -12,7 +12,7 @@ import pytest
 import yaml
 from roam_goalpose.service.application import GoalPoseApplication
 from roam_goalpose.settings import GoalPoseSettings
-from roam_motion.session.stream_metrics import StreamMetrics
+from roam_motion.session.stream import StreamMetrics
 from roam_motion.session.ticker import TickerMetrics
 from roam_motion.settings import MotionSettings
 from roam_serving.metrics import Metrics
