@@ -156,9 +156,9 @@ def test_who_moves_as_people_do_is_inside_on_every_measure():
     def told(motion, told, who):
         return Motion(f"{told}, seed {who}", str(who), motion.positions, motion.stretches, told)
 
-    people = [Motion("cmu_x", str(k), sitter(lean=40 + k).positions, sitter().stretches) for k in range(12)]
-    ours = [told(sitter(lean=40 + k), "sit", k) for k in range(12)]
-    upright = [told(sitter(lean=k / 4), "sit", k) for k in range(12)]
+    people = [Motion("cmu_x", str(k), sitter(lean=40 + k / 2).positions, sitter().stretches) for k in range(24)]
+    ours = [told(sitter(lean=40 + k / 2), "sit", k) for k in range(24)]
+    upright = [told(sitter(lean=k / 8), "sit", k) for k in range(24)]
     (activity,) = [a for a in ACTIVITIES if a.key == "sit_down"]
     fine, poor = (
         judge(activity, activity.made(made), activity.captured(people), activity.captured(people[:3]))

@@ -25,7 +25,7 @@ from roam_evaluation.motion.people.captured import Captured, cached_captured
 from roam_evaluation.motion.people.frames import Motion
 from roam_evaluation.motion.people.pictures import draw
 from roam_evaluation.motion.people.reference import people_samples
-from roam_evaluation.motion.people.report import as_json, blind_table, table, targets_table
+from roam_evaluation.motion.people.report import as_json, as_text, blind_table, table, targets_table
 from roam_evaluation.motion.people.storage import read_motions, write_motions
 from roam_evaluation.motion.people.targets import targets
 from roam_evaluation.motion.people.verdict import Verdict, judge, people_range, summary
@@ -140,7 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     }
     print(text)
     print(json.dumps({"summary": report["summary"], "seconds": report["seconds"]}))
-    for path, content in ((options.json, json.dumps(report, indent=1)), (options.table, text)):
+    for path, content in ((options.json, as_text(report)), (options.table, text)):
         if path:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content + "\n")

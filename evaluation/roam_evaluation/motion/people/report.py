@@ -1,5 +1,6 @@
 """The verdicts as a table to read and as JSON."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -30,6 +31,18 @@ def as_json(verdicts: Sequence[Verdict]) -> list[dict[str, Any]]:
         }
         for v in verdicts
     ]
+
+
+def as_text(report: Mapping[str, Any]) -> str:
+    """A report as JSON with one line a record, so that two of them can be compared by lines."""
+    parts = []
+    for name, value in report.items():
+        if isinstance(value, list):
+            rows = ",\n".join(f"  {json.dumps(record, ensure_ascii=False)}" for record in value)
+            parts.append(f' "{name}": [\n{rows}\n ]' if value else f' "{name}": []')
+        else:
+            parts.append(f' "{name}": {json.dumps(value)}')
+    return "{\n" + ",\n".join(parts) + "\n}"
 
 
 def _rounded(found: Spread | None) -> dict[str, float] | None:
