@@ -9,7 +9,7 @@ from roam_evaluation.motion.people.posture import centre_of_mass, lean, smooth, 
 
 _TOUCH = 0.015  # [m] over the seated height: the seat is touched, or left
 _STARTED = 0.12  # share of the way down from which the hips sink
-_CLOSE = 0.05  # [m] mean distance of the joints from the pose of rest: arrived (issue 2)
+_CLOSE = 0.05  # [m] mean distance of the joints from the pose of rest: arrived
 _QUIET = 0.12  # [m/s] mean speed of the joints, over half a second, of somebody who has come to rest
 _LEAST = 0.15  # [m] hips sink at least so far
 _BEFORE = 75  # frames of standing looked at before
