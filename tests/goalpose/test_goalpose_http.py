@@ -73,7 +73,7 @@ async def test_unit_and_up_axis_are_told_back(client):
         ({"content": b"?", "params": {"format": "glb"}}, 422, "OBJECT_MALFORMED", "content"),
         ({"content": b"?", "params": {"format": "docx"}}, 422, "OBJECT_FORMAT_UNKNOWN", "format"),
         (
-            {"content": b"?", "headers": {"Content-Disposition": 'x; filename="a.fbx"'}},
+            {"content": b"?", "headers": {"Content-Disposition": 'x; filename="a.step"'}},
             422,
             "OBJECT_FORMAT_UNSUPPORTED",
             "format",

@@ -270,3 +270,16 @@ async def test_a_stream_is_resumed_by_session_and_sequence_alone(token):
     frames = [item.sequence for item in items if isinstance(item, FrameRecord)]
     assert [(event.control_id, event.sequence) for event in events] == [(2, 21)]
     assert frames[:3] == [21, 22, 23]
+
+
+async def test_steering_that_nobody_can_walk_is_cut_and_said_so():
+    application = application_of()
+    await application.ownership.renew()
+    session = await application.create_session(SessionRequest())
+    async with application.stream(session.name, StreamOptions()) as stream:
+        await application.control(session.name, steering(1, 1.0))
+        await application.control(session.name, steering(2, 8.0))
+        items = [await anext(stream) for _ in range(4)]
+    warnings = [item for item in items if isinstance(item, Event) and item.kind is EventKind.WARNING]
+    assert [warning.reason for warning in warnings] == ["SPEED_CUT"]
+    assert "m/s" in warnings[0].message

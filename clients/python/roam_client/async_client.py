@@ -58,9 +58,15 @@ class AsyncClient(BaseClient):
         format: str | None = None,
         unit: str | None = None,
         up_axis: str | None = None,
+        size: float | None = None,
+        piece: str | None = None,
     ) -> Object:
-        """Puts a furniture file on the server. Bytes need a `format`; unit and up axis are detected when not given."""
-        return await self.run(self._upload(source, format=format, unit=unit, up_axis=up_axis))
+        """Puts a furniture file on the server. Bytes need a `format`; unit and up axis are detected when not given.
+
+        `size` is the object's height in metres, which goes before the unit; `piece` is the name or index of the one to
+        take from a file of several (`Object.pieces`), the best seat when not given.
+        """
+        return await self.run(self._upload(source, format=format, unit=unit, up_axis=up_axis, size=size, piece=piece))
 
     async def object(self, name: str) -> Object:
         """What the server knows of an uploaded object."""

@@ -108,7 +108,14 @@ class BaseClient:
     # Goal poses
 
     def _upload(
-        self, source: str | Path | bytes, *, format: str | None, unit: str | None, up_axis: str | None
+        self,
+        source: str | Path | bytes,
+        *,
+        format: str | None,
+        unit: str | None,
+        up_axis: str | None,
+        size: float | None,
+        piece: str | None,
     ) -> Plan[Object]:
         if isinstance(source, bytes):
             data, name = source, format or ""
@@ -116,7 +123,7 @@ class BaseClient:
             data, name = Path(source).read_bytes(), format or format_of(Path(source))
 
         def requests() -> Iterator[goal_pose_pb2.UploadObjectRequest]:
-            return upload_requests(data, format=name, unit=unit, up_axis=up_axis)
+            return upload_requests(data, format=name, unit=unit, up_axis=up_axis, size=size, piece=piece)
 
         response = yield Call(GOALPOSE, "UploadObject", requests, _POSES)
         return Object.from_message(response.object)

@@ -3,12 +3,13 @@
 import hashlib
 import json as json_module
 import os
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from roam_client.objects import FORMATS
+from roam_client.objects import FORMATS, TEXTS
 from roam_client.skeleton import Skeleton
 
 from roam_command import batch_engines
@@ -87,21 +88,24 @@ def batch(
 
 def _order(wish: Wish, who: CharacterChoice, character: Character | None) -> Order:
     """What is wanted of every object; a character is known by its file, its map and its size."""
+    plain = Order(wish.reference, wish.action.value, wish.seed, wish.unit, wish.up, wish.scale, wish.piece)
     if character is None:
-        return Order(wish.reference, wish.action.value, wish.seed, wish.unit, wish.up)
+        return plain
     mark = hashlib.sha256(character.path.read_bytes())
     mark.update(b"" if who.map is None else who.map.read_bytes())
     mark.update(character.skeleton.id.encode())
     body = character.skeleton.message.SerializeToString()
     name = f"sha256:{mark.hexdigest()}"
-    return Order(wish.reference, wish.action.value, wish.seed, wish.unit, wish.up, name, body)
+    return replace(plain, character=name, body=body)
 
 
 def furniture_files(folder: Path, output: Path) -> list[Path]:
     """Every file under the folder that can be furniture, but for what a batch wrote. UsageError when there is none."""
     if not folder.is_dir():
         raise UsageError(f"there is no folder {folder}", remedy="Give a folder of furniture files.")
-    found = sorted(path for path in folder.rglob("*") if path.suffix.lower().removeprefix(".") in FORMATS)
+    found = sorted(
+        path for path in folder.rglob("*") if path.suffix.lower().removeprefix(".") in set(FORMATS) - set(TEXTS)
+    )
     files = [path for path in found if path.is_file() and output not in path.parents]
     if not files:
         raise UsageError(f"no furniture file in {folder}", remedy=f"What is read: {', '.join(FORMATS)}.")

@@ -21,6 +21,8 @@ class Order:
     seed: int
     unit: str | None
     up: str | None
+    size: float | None = None
+    piece: str | None = None
     character: str = ""  # which character, with its map and height: "sha256:…"; "" for the default figure
     body: bytes = b""  # skeleton_pb2.Skeleton of the character
 
@@ -70,7 +72,7 @@ def _made(data: bytes, format: str, order: Order) -> Outcome:
         )
         loader, synthesizer = _loader(), _synthesizer()
         started = perf_counter()
-        shape = loader.load(data, format, unit=order.unit, up=order.up)
+        shape = loader.load(data, format, unit=order.unit, up=order.up, size=order.size, piece=order.piece)
         result = synthesizer.synthesize(shape, request)
     except ObjectError as error:
         return Outcome(reason=error.reason, message=f"{error.message} {error.remedy}")

@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|rigs|throughput|load`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -33,3 +33,8 @@ def load(context: typer.Context) -> None:
 def rigs(context: typer.Context) -> None:
     """Bones of foreign characters, and how exactly poses arrive on them (`--help` lists its options)."""
     delegate("roam_evaluation.character.rigs", context.args, name="roam evaluate rigs")
+
+
+def uploads(context: typer.Context) -> None:
+    """Files of known size and turning, uploaded with nothing said: right, doubted, refused or silently wrong."""
+    delegate("roam_evaluation.uploads.reading", context.args, name="roam evaluate uploads")

@@ -105,7 +105,7 @@ def make_goal_pose(
     """Uploads and optimises, with a progress bar; `reference` wins over the wish's, `options` are further ones of
     `Client.synthesize`."""
     task = bar.add_task("reading the object", total=None, note="")
-    place = client.upload(source, unit=wish.unit, up_axis=wish.up)
+    place = client.upload(source, unit=wish.unit, up_axis=wish.up, size=wish.scale, piece=wish.piece)
     bar.update(task, description="fitting the pose")
 
     def show(progress: Progress) -> None:

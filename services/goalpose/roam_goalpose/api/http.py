@@ -1,6 +1,8 @@
 """The goal pose service over HTTP: a thin translation of GoalPoseApplication."""
 
 import asyncio
+import io
+import zipfile
 from collections.abc import AsyncIterator, Callable
 from contextlib import aclosing
 from email.message import Message
@@ -9,12 +11,12 @@ from typing import Annotated, Any
 
 import orjson
 from fastapi import APIRouter, Header, Query, Request, Response
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from roam_serving.errors import CANCELLED, INTERNAL, INVALID_ARGUMENT, ServiceError
 from roam_serving.logs import get_log
 from roam_serving.problems import problem
 from sse_starlette import EventSourceResponse
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
 
 from roam_goalpose.api.messages import goal_pose_message, object_message, progress_message, reference_message
 from roam_goalpose.api.request_schemas import CreateReferencePoseJson, SynthesizeJson
@@ -29,26 +31,19 @@ from roam_goalpose.api.schemas import (
 )
 from roam_goalpose.errors import from_object_error
 from roam_goalpose.objects import FORMATS, ObjectError, format_of
-from roam_goalpose.objects.formats import sniff
+from roam_goalpose.objects.readers.registry import media_types, sniff
 from roam_goalpose.service.application import GoalPoseApplication
 from roam_goalpose.service.jobs import Job, Jobs, JobState
 from roam_goalpose.service.queries import Answer, PoseQuery
 
 log = get_log("roam_goalpose.api.http")
 
-_MEDIA_TYPES = {
-    "model/gltf-binary": "glb",
-    "model/gltf+json": "gltf",
-    "model/obj": "obj",
-    "model/stl": "stl",
-    "model/ply": "ply",
-}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _UPLOAD_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
-            **dict.fromkeys((*_MEDIA_TYPES, "application/octet-stream"), _BINARY),
+            **dict.fromkeys((*media_types(), "application/octet-stream"), _BINARY),
             "multipart/form-data": {
                 "schema": {
                     "type": "object",
@@ -58,6 +53,8 @@ _UPLOAD_BODY: dict[str, Any] = {
                         "format": {"type": "string"},
                         "unit": {"type": "string"},
                         "up": {"type": "string"},
+                        "size": {"type": "number"},
+                        "piece": {"type": "string"},
                     },
                 }
             },
@@ -66,21 +63,28 @@ _UPLOAD_BODY: dict[str, Any] = {
 }
 
 
-class Upload(BaseModel):
-    """A file and what was said about it."""
+class Said(BaseModel):
+    """What a sender says about a file; empty where nothing."""
 
-    data: bytes
     format: str = ""
     unit: str = ""
     up: str = ""
+    size: float | None = None
+    piece: str = ""
+
+
+class Upload(Said):
+    """A file and what was said about it."""
+
+    data: bytes
     file_name: str = ""
 
     def chosen_format(self, media_type: str) -> str:
         """The format given, else by file name, media type or first bytes; a ServiceError when none of them says."""
         if self.format:
             return self.format
-        if media_type in _MEDIA_TYPES:
-            return _MEDIA_TYPES[media_type]
+        if media_type in media_types():
+            return media_types()[media_type]
         if PurePath(self.file_name).suffix:
             try:
                 return format_of(self.file_name)
@@ -102,10 +106,14 @@ def goalpose_router(application: Callable[[], GoalPoseApplication], jobs: Callab
         format: Annotated[str, Query(description=f"one of {', '.join(FORMATS)}; else by name or type")] = "",
         unit: Annotated[str, Query(description="m, cm, mm, in or ft; empty: detect")] = "",
         up: Annotated[str, Query(description="x, y, z, -x, -y or -z; empty: detect")] = "",
+        size: Annotated[float | None, Query(description="height of the object [m]; goes before the unit")] = None,
+        piece: Annotated[str, Query(description="name or index in a file of several; empty: the best seat")] = "",
     ) -> ObjectJson:
-        upload = await _read_upload(request, format, unit, up)
+        upload = await _read_upload(request, Said(format=format, unit=unit, up=up, size=size, piece=piece))
         chosen = upload.chosen_format(_media_type(request))
-        stored = await application().upload(upload.data, chosen, upload.unit, upload.up)
+        stored = await application().upload(
+            upload.data, chosen, upload.unit, upload.up, size=upload.size, piece=upload.piece
+        )
         return ObjectJson.of(object_message(stored))
 
     @router.get("/objects/{object}", summary="Read what is known of an object")
@@ -230,20 +238,36 @@ def _named_in(request: Request) -> str:
     return parsed.get_filename() or ""
 
 
-async def _read_upload(request: Request, format: str, unit: str, up: str) -> Upload:
+async def _read_upload(request: Request, said: Said) -> Upload:
     """The file of a raw or multipart body; form fields count where the query says nothing."""
     if _media_type(request) != "multipart/form-data":
         data = await request.body()
-        return Upload(data=data, format=format, unit=unit, up=up, file_name=_named_in(request))
+        return Upload(data=data, file_name=_named_in(request), **said.model_dump())
     async with request.form() as form:
-        file = form.get("file")
-        if not isinstance(file, UploadFile):
+        files = [file for name in ("file", "files") for file in form.getlist(name) if isinstance(file, UploadFile)]
+        if not files:
             raise ServiceError(INVALID_ARGUMENT, "the form needs a file in the field `file`", field="file")
-        said = {name: str(form.get(name, "")) for name in ("format", "unit", "up")}
-        return Upload(
-            data=await file.read(),
-            format=format or said["format"],
-            unit=unit or said["unit"],
-            up=up or said["up"],
-            file_name=file.filename or "",
-        )
+        said = _said_in(form, said)
+        if len(files) > 1:  # a `.gltf` and its buffers, an OBJ and its materials: as if they came in one ZIP
+            said.format = "zip"
+            return Upload(data=await _packed(files), file_name="upload.zip", **said.model_dump())
+        return Upload(data=await files[0].read(), file_name=files[0].filename or "", **said.model_dump())
+
+
+def _said_in(form: FormData, said: Said) -> Said:
+    """What the query says, and the form where the query says nothing."""
+    fields = {name: str(form[name]) for name in Said.model_fields if isinstance(form.get(name), str) and form[name]}
+    queried = {name: value for name, value in said.model_dump().items() if value not in ("", None)}
+    try:
+        return Said.model_validate({**fields, **queried})
+    except ValidationError as error:
+        raise ServiceError(INVALID_ARGUMENT, "size is a number of metres", field="size") from error
+
+
+async def _packed(files: list[UploadFile]) -> bytes:
+    """Several files as one uncompressed ZIP."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for number, file in enumerate(files):
+            archive.writestr(file.filename or f"file {number}", await file.read())
+    return packed.getvalue()

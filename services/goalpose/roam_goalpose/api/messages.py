@@ -12,8 +12,8 @@ from roam_serving.skeletons import skeleton_message
 
 from roam_goalpose.assessment.diagnostics import PoseWarning
 from roam_goalpose.assessment.quality import PoseQuality
-from roam_goalpose.objects.axes import ROTATIONS
 from roam_goalpose.objects.footprint import footprint
+from roam_goalpose.objects.placing.axes import ROTATIONS
 from roam_goalpose.references.pairs import ACTIONS as NAMES
 from roam_goalpose.references.pairs import ReferencePair
 from roam_goalpose.service.queries import GoalPose, StoredObject
@@ -63,6 +63,10 @@ def object_message(stored: StoredObject) -> goal_pose_pb2.Object:
         point_count=len(shape.points),
         warnings=[goal_pose_pb2.Warning(reason=w.reason, message=w.message) for w in shape.warnings],
         footprint=outline_messages(footprint(shape.points)),
+        pieces=[
+            goal_pose_pb2.Piece(name=p.name, chosen=p.chosen, bounds_min=p.bounds[:3], bounds_max=p.bounds[3:])
+            for p in shape.pieces
+        ],
     )
 
 

@@ -39,7 +39,10 @@ class GoalPoseServicer(goal_pose_pb2_grpc.GoalPoseServiceServicer):
                 raise ServiceError(PAYLOAD_TOO_LARGE, detail, field="chunk")
         if first is None:
             raise ServiceError(INVALID_ARGUMENT, "the upload has no message", field="format")
-        found = await application.upload(bytes(data), first.format, first.unit, first.up_axis)
+        size = first.size if first.HasField("size") else None
+        found = await application.upload(
+            bytes(data), first.format, first.unit, first.up_axis, size=size, piece=first.piece
+        )
         return goal_pose_pb2.UploadObjectResponse(object=object_message(found))
 
     async def GetObject(self, request: goal_pose_pb2.GetObjectRequest, context: Any) -> goal_pose_pb2.GetObjectResponse:

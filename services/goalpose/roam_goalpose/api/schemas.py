@@ -46,6 +46,14 @@ class PoseJson(BaseModel):
         )
 
 
+class PieceJson(BaseModel):
+    """One of several things in a file."""
+
+    name: str = Field(description="of its node or group; may be empty")
+    chosen: bool = Field(description="whether it is the one that was taken")
+    bounds: list[list[float]] = Field(description="[2, 3] smallest and largest world coordinates [m]")
+
+
 class ObjectJson(BaseModel):
     """An uploaded object."""
 
@@ -58,6 +66,7 @@ class ObjectJson(BaseModel):
     bounds: list[list[float]] = Field(description="[2, 3] smallest and largest world coordinates [m]")
     point_count: int
     warnings: list[WarningJson]
+    pieces: list[PieceJson] = Field(default=[], description="of a file of several, in its order")
 
     @staticmethod
     def of(message: goal_pose_pb2.Object) -> "ObjectJson":
@@ -72,6 +81,10 @@ class ObjectJson(BaseModel):
             bounds=[list(message.bounds_min), list(message.bounds_max)],
             point_count=message.point_count,
             warnings=[WarningJson.of(warning) for warning in message.warnings],
+            pieces=[
+                PieceJson(name=p.name, chosen=p.chosen, bounds=[list(p.bounds_min), list(p.bounds_max)])
+                for p in message.pieces
+            ],
         )
 
 

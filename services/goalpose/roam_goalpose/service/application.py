@@ -5,7 +5,7 @@ import io
 import json
 from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from contextlib import aclosing
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -51,10 +51,29 @@ class SynthesizesPoses(Protocol):
     ) -> GoalPoseResult: ...
 
 
+@dataclass(frozen=True)
+class _Said:
+    """What a sender says about a file; None where nothing."""
+
+    unit: str | None
+    up: str | None
+    size: float | None
+    piece: str | None
+
+
 class ReadsObjects(Protocol):
     """`roam_goalpose.objects.load_shape`, or the same in a child process."""
 
-    def __call__(self, data: bytes, format: str, *, unit: str | None = None, up: str | None = None) -> Shape: ...
+    def __call__(
+        self,
+        data: bytes,
+        format: str,
+        *,
+        unit: str | None = None,
+        up: str | None = None,
+        size: float | None = None,
+        piece: str | None = None,
+    ) -> Shape: ...
 
 
 class GoalPoseApplication:
@@ -92,20 +111,25 @@ class GoalPoseApplication:
         self._reading.close()
         self._computing.close()
 
-    async def upload(self, data: bytes, format: str, unit: str, up: str) -> StoredObject:
-        """Reads a file and keeps the object; the same file again costs nothing. Raises a row of OBJECT_ERRORS."""
+    async def upload(
+        self, data: bytes, format: str, unit: str, up: str, *, size: float | None = None, piece: str = ""
+    ) -> StoredObject:
+        """Reads a file and keeps the object; the same file again costs nothing. Raises a row of OBJECT_ERRORS.
+
+        `size` is the object's height [m] and goes before the unit; `piece` names one of a file of several.
+        """
         if len(data) > self.settings.max_upload_bytes:
             detail = f"{len(data)} bytes; at most {self.settings.max_upload_bytes} are accepted"
             raise ServiceError(PAYLOAD_TOO_LARGE, detail, field="content")
         digest = hashlib.sha256(data)
-        digest.update(json.dumps([format, unit, up]).encode())
+        digest.update(json.dumps([format, unit, up, size, piece]).encode())
         name = self._uploads.get(digest.hexdigest())
         known = self._objects.get(name) if name else None
         if known is None:
-            shape = await self._read(data, format, unit, up)
-            known = StoredObject(shape, format)
-            self._objects.put(shape.name, known)
-            self._uploads.put(digest.hexdigest(), shape.name)
+            said = _Said(unit or None, up or None, size, piece or None)
+            known = StoredObject(await self._read(data, format, said), format)
+            self._objects.put(known.shape.name, known)
+            self._uploads.put(digest.hexdigest(), known.shape.name)
         return known
 
     def object(self, name: str) -> StoredObject:
@@ -226,9 +250,9 @@ class GoalPoseApplication:
         canonical = json.dumps([query.key, self._synthesizer.field_name], sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()
 
-    async def _read(self, data: bytes, format: str, unit: str, up: str) -> Shape:
+    async def _read(self, data: bytes, format: str, said: "_Said") -> Shape:
         try:
-            return await self._reading.run(lambda: self._load(data, format, unit=unit or None, up=up or None))
+            return await self._reading.run(lambda: self._load(data, format, **asdict(said)))
         except ObjectError as error:
             self._rejected.labels(error.reason).inc()
             raise from_object_error(error) from error

@@ -187,7 +187,12 @@ def _steer(message: motion_pb2.Steer) -> Steer | Idle:
         raise ServiceError(INVALID_ARGUMENT, detail, field="control.steer.action")
     facing = message.facing if message.HasField("facing") else None
     velocity = message.velocity_x, message.velocity_z
-    return validation.steer(velocity, facing, stand=message.action == IDLE.number)
+    return validation.steer(velocity, facing, _point(message, "control.steer"), stand=message.action == IDLE.number)
+
+
+def _point(message: motion_pb2.Steer | motion_pb2.Goal, field: str) -> np.ndarray | None:
+    place = message.look_at
+    return validation.point([place.x, place.y, place.z], f"{field}.look_at") if message.HasField("look_at") else None
 
 
 def _goal(message: motion_pb2.Goal, skeleton: Skeleton) -> Goal:
@@ -206,6 +211,7 @@ def _goal(message: motion_pb2.Goal, skeleton: Skeleton) -> Goal:
         volume=validation.volume(sent.origin, sent.pitch, sent.yaw, sent.size, sent.values)
         if message.HasField("volume")
         else None,
+        look_at=_point(message, "control.goal"),
     )
 
 

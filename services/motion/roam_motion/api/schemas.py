@@ -80,11 +80,12 @@ class SteerJson(_Strict):
 
     velocity: Annotated[list[Number], Field(min_length=2, max_length=2)] = Field(description="world x, z [m/s]")
     facing: Number | None = Field(None, description="heading [rad]; absent: face where it walks")
+    look_at: Vector | None = Field(None, description="a place to look at, world x y z [m]")
 
     def intent(self) -> Steer | Idle:
         """As the service's own type."""
         x, z = self.velocity
-        return validation.steer((x, z), self.facing)
+        return validation.steer((x, z), self.facing, _point(self.look_at, "control.steer.look_at"))
 
 
 class VolumeJson(_Strict):
@@ -118,6 +119,7 @@ class GoalJson(_Strict):
         description="what to walk round, the goal's furniture included: corners x, z [m] of outlines",
     )
     volume: VolumeJson | None = Field(None, description="the furniture itself, which arms and legs keep out of")
+    look_at: Vector | None = Field(None, description="a place to look at, world x y z [m]")
 
     def intent(self, skeleton: Skeleton) -> Goal:
         """As the service's own type; GOAL_INVALID names the field that is wrong."""
@@ -128,7 +130,12 @@ class GoalJson(_Strict):
             approach=approach,
             obstacles=validation.obstacles([sum(corners, ()) for corners in self.obstacles]),
             volume=None if self.volume is None else self.volume.volume(),
+            look_at=_point(self.look_at, "control.goal.look_at"),
         )
+
+
+def _point(place: list[float] | None, field: str) -> np.ndarray | None:
+    return None if place is None else validation.point(place, field)
 
 
 class PlaybackJson(_Strict):

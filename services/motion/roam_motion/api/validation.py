@@ -79,7 +79,14 @@ def pose(skeleton: Skeleton, skeleton_id: str, position: np.ndarray, rotations: 
     return Pose(skeleton, found.root_position, (rotations / lengths).astype(np.float32))
 
 
-def steer(velocity: tuple[float, float], facing: float | None, *, stand: bool = False) -> Steer | Idle:
+def point(place: Sequence[float], field: str) -> np.ndarray:
+    """A place [3] in the client's world [m]; INVALID_ARGUMENT when it is none."""
+    return np.array([finite(float(np.float32(coordinate)), field) for coordinate in place], np.float32)
+
+
+def steer(
+    velocity: tuple[float, float], facing: float | None, look_at: np.ndarray | None = None, *, stand: bool = False
+) -> Steer | Idle:
     """Steering by hand: velocity x, z [m/s], heading [rad]; idle where it asks to `stand` or for nothing."""
     wanted = np.array(velocity, np.float32)
     heading = None if facing is None else direction(facing, "control.steer.facing")
@@ -87,7 +94,7 @@ def steer(velocity: tuple[float, float], facing: float | None, *, stand: bool = 
         detail = f"velocity must be finite and at most {_FASTEST:g} m/s"
         raise ServiceError(INVALID_ARGUMENT, detail, field="control.steer.velocity_x")
     still = not wanted.any() and heading is None
-    return Idle() if stand or still else Steer(wanted, heading)
+    return Idle(look_at) if stand or still else Steer(wanted, heading, look_at=look_at)
 
 
 def goal_action(action: Action | None) -> Action:

@@ -11,7 +11,8 @@ from roam_character.volume import Volume
 from roam_serving.errors import ServiceError
 from roam_serving.rates import RateLimiter
 
-from roam_motion.control.intent import Goal
+from roam_motion.control.intent import Goal, Steer
+from roam_motion.control.pace import cut_to
 from roam_motion.control.paths import Place, inside
 from roam_motion.control.plausibility import ImplausibleGoalError, UnreachableGoalError
 from roam_motion.errors import CONTROL_BUDGET, GOAL_INVALID, GOAL_UNREACHABLE
@@ -45,6 +46,8 @@ class ControlDesk:
         self._rates.take(session.name)
         control = replace(control, change=control.change.lowered(session.floor_height))
         lowered = control.change.intent
+        if isinstance(lowered, Steer) and (kept := cut_to(lowered)) is not None:
+            return control, [_warning("SPEED_CUT", f"so fast nobody walks; followed at {kept:.2f} m/s")]
         if not isinstance(lowered, Goal):
             return control, []
         try:

@@ -1,7 +1,7 @@
 """E_o: the sitter faces the object's front as the reference does (beyond the paper).
 
-An object's front is opposite to its back (`roam_goalpose.objects.heading`): a direction on the floor, as long as front
-and back differ, 1 for chairs and 0 for stools. The reference's front, carried by its pelvis, shall be the
+An object's front is opposite to its back (`roam_goalpose.objects.placing.heading`): a direction on the floor, as long
+as front and back differ, 1 for chairs and 0 for stools. The reference's front, carried by its pelvis, shall be the
 target's. A stool has none; there the person's own front counts a little, so that it fits an object with a front nearly
 as badly as one that looks aside, but nobody sits on a sofa's edge sideways.
 """

@@ -11,7 +11,7 @@ import numpy as np
 
 from roam_goalpose.objects.errors import ObjectError, malformed
 from roam_goalpose.objects.geometry import Array, Geometry
-from roam_goalpose.objects.limits import Limits, check_counts
+from roam_goalpose.objects.limits import Limits, check_points
 
 _NUMBER_KINDS: Mapping[str, str] = {"F": "f", "I": "i", "U": "u"}
 _MAX_HEADER_BYTES = 16 * 1024
@@ -26,10 +26,10 @@ class _Header:
     body: int  # [bytes] where the data begin
 
 
-def read_pcd(data: bytes, limits: Limits) -> Geometry:
-    """Read x, y, z of every point. Points with a NaN coordinate are left out: PCD marks missing returns so."""
+def read_pcd(data: bytes, limits: Limits, companions: Mapping[str, bytes]) -> Geometry:
+    """Read x, y, z of every point; missing returns stay NaN, as PCD marks them; raises ObjectError."""
     header = _read_header(data)
-    check_counts(header.points, 0, limits)
+    check_points(header.points, limits)
     if header.points * header.record.itemsize > limits.memory_bytes // 4:
         raise malformed("pcd", f"its points have {header.record.itemsize} bytes each, which is too much to unpack")
     body = data[header.body :]
@@ -39,7 +39,7 @@ def read_pcd(data: bytes, limits: Limits) -> Geometry:
         points = _xyz(_records(body, header))
     else:
         points = _xyz(_compressed(body, header))
-    return Geometry(points[~np.isnan(points).any(axis=1)], None)
+    return Geometry(points, None)
 
 
 def _read_header(data: bytes) -> _Header:
@@ -54,7 +54,7 @@ def _read_header(data: bytes) -> _Header:
             entries[words[0].upper()] = words[1:]
     try:
         record = _record(entries)
-        points = int(entries["POINTS"][0] if "POINTS" in entries else entries["WIDTH"][0])
+        points = _count(entries)
         encoding = entries["DATA"][0].lower()
     except (KeyError, IndexError, ValueError, TypeError) as error:
         raise malformed("pcd", f"its header is not valid ({type(error).__name__}: {str(error)[:60]})") from error
@@ -65,6 +65,13 @@ def _read_header(data: bytes) -> _Header:
     if points < 0:
         raise malformed("pcd", "its number of points is negative")
     return _Header(record, points, encoding, stream.tell())
+
+
+def _count(entries: Mapping[str, list[str]]) -> int:
+    """POINTS may be left out: WIDTH x HEIGHT says the same, and more than one row is an organised cloud."""
+    if "POINTS" in entries:
+        return int(entries["POINTS"][0])
+    return int(entries["WIDTH"][0]) * int(entries.get("HEIGHT", ["1"])[0])
 
 
 def _record(entries: Mapping[str, list[str]]) -> np.dtype[np.void]:

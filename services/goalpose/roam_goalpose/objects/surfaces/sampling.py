@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roam_goalpose.objects.geometry import Array
+from roam_goalpose.objects.arrays import Array
 
 # Fractional parts of the powers of the plastic number: the two-dimensional additive sequence with the evenest spread.
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
@@ -72,4 +72,7 @@ def sample_cloud(points: Array, count: int, *, seed: int) -> Samples:
 
 
 def _area_vectors(triangles: Array) -> Array:
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    a, b = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
+    x = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    y = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    return np.stack([x, y, a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]], axis=1)  # np.cross takes twice as long

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from roam_character.distance import DistanceGrid
 from scipy import ndimage
 
-from roam_goalpose.objects.windows import largest_near, smallest_near
+from roam_goalpose.objects.surfaces.windows import largest_near, smallest_near
 
 Floats = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]

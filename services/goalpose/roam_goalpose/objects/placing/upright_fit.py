@@ -1,4 +1,4 @@
-"""Fit the weights of `upright`: `python -m roam_goalpose.objects.upright_fit --objects DIR [DIR ...] [--held-out DIR]`.
+"""Fit `upright`: `python -m roam_goalpose.objects.placing.upright_fit --objects DIR [DIR ...] [--held-out DIR]`.
 
 DIR holds GLB files that stand on y = 0 in metres. Every object, at a few sizes and with and without a mesh's normals,
 must score higher as it stands than upside down, lying on any of its four sides (how a file with another up axis looks)
@@ -19,15 +19,15 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from roam_goalpose.objects import upright
-from roam_goalpose.objects.axes import up_rotation
 from roam_goalpose.objects.geometry import Array, Geometry
 from roam_goalpose.objects.limits import Limits
+from roam_goalpose.objects.placing import upright
+from roam_goalpose.objects.placing.axes import up_rotation
+from roam_goalpose.objects.placing.tilt import possible_ups, stands, surface_centre, turn_to_y
+from roam_goalpose.objects.placing.upright import describe, products
 from roam_goalpose.objects.reading import read_geometry
-from roam_goalpose.objects.sampling import sample_triangles, shuffled_subset, triangle_areas
-from roam_goalpose.objects.surface import local_normals
-from roam_goalpose.objects.tilt import possible_ups, stands, surface_centre, turn_to_y
-from roam_goalpose.objects.upright import describe, products
+from roam_goalpose.objects.surfaces.sampling import sample_triangles, shuffled_subset, triangle_areas
+from roam_goalpose.objects.surfaces.surface import local_normals
 
 _SIDES = ("z", "-z", "x", "-x", "-y")
 _FOLDS = 5

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
 from roam_goalpose.objects.geometry import Array
-from roam_goalpose.objects.sampling import triangle_areas
-from roam_goalpose.objects.upright import score_turned
+from roam_goalpose.objects.placing.upright import score_turned
+from roam_goalpose.objects.surfaces.sampling import triangle_areas
 
 Directions = npt.NDArray[np.floating]
 
@@ -47,15 +47,18 @@ class Tilt:
         return self.gain > _SURE
 
 
-def surface_centre(triangles: Array) -> Array:
-    """The middle `[3]` of the surface of `[F, 3, 3]` triangles."""
-    areas = triangle_areas(triangles)
+def surface_centre(triangles: Array, areas: Array | None = None) -> Array:
+    """The middle `[3]` of the surface of `[F, 3, 3]` triangles (of `areas` `[F]` if they are known)."""
+    areas = triangle_areas(triangles) if areas is None else areas
     return np.asarray(areas @ triangles.mean(axis=1) / max(float(areas.sum()), 1e-12))
 
 
-def stands(vertices: Array, centre: Array) -> bool:
-    """Whether an object of `vertices` `[N, 3]` [m], +Y up, with its `centre` `[3]` stays as it is on a level floor."""
-    touching = vertices[vertices[:, 1] < vertices[:, 1].min() + _TOUCH]
+def stands(vertices: Array, centre: Array, *, touch: float | None = None) -> bool:
+    """Whether an object of `vertices` `[N, 3]` [m], +Y up, with its `centre` `[3]` stays as it is on a level floor.
+
+    What is within `touch` [m] of the lowest point touches the floor: more in a scan, which has noise.
+    """
+    touching = vertices[vertices[:, 1] < vertices[:, 1].min() + (touch or _TOUCH)]
     if len(touching) < 3:
         return False
     try:
@@ -65,7 +68,15 @@ def stands(vertices: Array, centre: Array) -> bool:
     return float((base.equations[:, :2] @ centre[::2] + base.equations[:, 2]).max()) < -_STEADY
 
 
-def find_tilt(vertices: Array, points: Array, normals: Directions, *, centre: Array, farthest: float) -> Tilt | None:
+def find_tilt(
+    vertices: Array,
+    points: Array,
+    normals: Directions,
+    *,
+    centre: Array,
+    farthest: float,
+    touch: float | None = None,
+) -> Tilt | None:
     """How an object that does not stand would stand on its feet; None when nothing is found, or it leans but little.
 
     Args:
@@ -74,11 +85,12 @@ def find_tilt(vertices: Array, points: Array, normals: Directions, *, centre: Ar
         normals: `[M, 3]` of the samples, of either sign.
         centre: `[3]` what should be over the base.
         farthest: how far the vertical may be from the true one [rad].
+        touch: see `stands`.
     """
     found = []
     for up in possible_ups(vertices):
         turn = turn_to_y(up)
-        if up[1] > math.cos(farthest) and stands(vertices @ turn.T, turn @ centre):
+        if up[1] > math.cos(farthest) and stands(vertices @ turn.T, turn @ centre, touch=touch):
             found.append((score_turned(points, normals, turn), turn))
     if not found:
         return None

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
-from roam_goalpose.objects.axes import up_rotation
 from roam_goalpose.objects.geometry import Array
+from roam_goalpose.objects.placing.axes import up_rotation
 
 Directions = npt.NDArray[np.floating]
 
@@ -54,8 +55,7 @@ FEATURES = (
     "slender",
 )
 """What `describe` returns, in order."""
-_MODEL = Path(__file__).with_name("upright.json")  # written by `python -m roam_goalpose.objects.upright_fit`
-_CANDIDATES = ("y", "z")  # what programs write; anything else must be given
+_MODEL = Path(__file__).with_name("upright.json")  # written by `python -m roam_goalpose.objects.placing.upright_fit`
 _SURE = 0.95
 
 
@@ -68,12 +68,11 @@ class UpGuess:
     doubt: str
 
 
-def choose_up(points: Array, normals: Directions) -> UpGuess:
-    """Whether Y or Z is up in samples `[N, 3]` [m] (shuffled, in file axes) with normals `[N, 3]` of either sign."""
-    scores = {up: upright_score(points, normals, up) for up in _CANDIDATES}
-    best = max(_CANDIDATES, key=lambda up: scores[up])
-    other = min(_CANDIDATES, key=lambda up: scores[up])
-    probability = 1.0 / (1.0 + math.exp(-min(scores[best] - scores[other], 50.0)))
+def choose_up(scores: Mapping[str, float]) -> UpGuess:
+    """Which of some up axes it is, from their scores (log-odds)."""
+    best = max(scores, key=lambda up: scores[up])
+    others = sum(math.exp(max(min(scores[up] - scores[best], 0.0), -50.0)) for up in scores if up != best)
+    probability = 1.0 / (1.0 + others)
     doubt = ""
     if probability < _SURE:
         doubt = f"The up axis was taken as {best} ({probability:.0%} sure); give it to be certain."
