@@ -112,3 +112,10 @@ def test_kept_frames_are_measured_again_and_reported(mocap, tmp_path, capsys, mo
     assert "knee bend when the foot strikes" in shown
     assert "no people to compare with" in shown  # the fixture's clips only stand
     assert '"measure": "step_width"' in report.read_text()
+
+
+def test_what_cannot_be_measured_is_refused_with_advice(mocap, tmp_path, capsys):
+    assert main(["--people", "--mocap", str(tmp_path / "nowhere")]) == 2
+    assert "--mocap" in capsys.readouterr().err
+    assert main(["--people", "--mocap", str(mocap), "--only", "walk_0.9,hop"]) == 2
+    assert "hop; it knows walk_0.9" in capsys.readouterr().err

@@ -8,10 +8,11 @@ The same measures, by the same code, of the product and of captured people that 
 import argparse
 import json
 import platform
-import time
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import torch
 from roam_motion.animator import Animator
@@ -23,7 +24,7 @@ from roam_evaluation.motion.people.activities import ACTIVITIES
 from roam_evaluation.motion.people.blind import blind_test
 from roam_evaluation.motion.people.captured import Captured, cached_captured
 from roam_evaluation.motion.people.frames import Motion
-from roam_evaluation.motion.people.pictures import draw
+from roam_evaluation.motion.people.pictures import SCENES, draw
 from roam_evaluation.motion.people.reference import people_samples
 from roam_evaluation.motion.people.report import as_json, as_text, blind_table, table, targets_table
 from roam_evaluation.motion.people.storage import read_motions, write_motions
@@ -105,45 +106,67 @@ def verdicts(motions: Sequence[Motion], captured: Captured, keys: Sequence[str],
     return found
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the evaluation; 0 when it ran, whatever the figures."""
-    options = parse(argv)
-    torch.set_num_threads(1)
-    begun = time.monotonic()
-    only = options.only.split(",") if options.only else []
-    if options.draw:
-        people = cached_captured(options.mocap, _CACHE) if options.mocap.exists() else None
-        animator = Animator.load(options.weights)
-        draw(animator, options.objects, options.poses, options.draw, people, films=not options.stills, only=only)
-        return 0
-    keys = only or [activity.key for activity in ACTIVITIES]
-    captured = cached_captured(options.mocap, _CACHE)
-    motions = read_motions(options.recorded) if options.recorded else perform(options, keys)
-    if options.record:
-        write_motions(options.record, motions)
+def reported(motions: Sequence[Motion], captured: Captured, options: argparse.Namespace) -> tuple[dict[str, Any], str]:
+    """All figures of the product's motions, as a report and as a table to read."""
+    keys = _chosen(options) or [activity.key for activity in ACTIVITIES]
     found = verdicts(motions, captured, keys, options.mocap)
-    beside = json.loads(options.beside.read_text()) if options.beside else None
-    text = table(found, ACTIVITIES, beside)
     kept = targets(motions, people_range(found, "sit_down", "balance_half_down"))
-    text += "\n\n" + targets_table(kept)
     told_apart = [] if options.no_blind else blind_test(motions, captured.held_out, captured.training)
-    text += "\n\n" + blind_table(told_apart) if told_apart else ""
+    beside = json.loads(options.beside.read_text()) if options.beside else None
+    parts = [table(found, ACTIVITIES, beside), targets_table(kept), blind_table(told_apart) if told_apart else ""]
     report = {
         "summary": summary(found),
         "targets": [asdict(target) for target in kept],
         "blind_test": [asdict(blind) for blind in told_apart],
         "machine": {"system": platform.system(), "processor": platform.machine(), "python": platform.python_version()},
-        "seconds": round(time.monotonic() - begun, 1),
         "quick": options.quick,
         "build": options.build,
         "measures": as_json(found),
     }
+    return report, "\n\n".join(part for part in parts if part)
+
+
+def _chosen(options: argparse.Namespace) -> list[str]:
+    """The names given with --only. ValueError with the known ones when one is unknown."""
+    names = options.only.split(",") if options.only else []
+    known = SCENES if options.draw else tuple(activity.key for activity in ACTIVITIES)
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ValueError(f"--only does not know {', '.join(unknown)}; it knows {', '.join(known)}")
+    return names
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Draws, or measures and writes."""
+    chosen = _chosen(options)
+    if options.draw:
+        people = cached_captured(options.mocap, _CACHE) if options.mocap.exists() else None
+        animator = Animator.load(options.weights)
+        draw(animator, options.objects, options.poses, options.draw, people, films=not options.stills, only=chosen)
+        return
+    captured = cached_captured(options.mocap, _CACHE)
+    keys = chosen or [activity.key for activity in ACTIVITIES]
+    motions = read_motions(options.recorded) if options.recorded else perform(options, keys)
+    if options.record:
+        write_motions(options.record, motions)
+    report, text = reported(motions, captured, options)
     print(text)
-    print(json.dumps({"summary": report["summary"], "seconds": report["seconds"]}))
+    print(json.dumps(report["summary"]))
     for path, content in ((options.json, as_text(report)), (options.table, text)):
         if path:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content + "\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the evaluation; 0 when it ran, whatever the figures; 2 with advice when it could not."""
+    options = parse(argv)
+    torch.set_num_threads(1)
+    try:
+        _run(options)
+    except (FileNotFoundError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 2
     return 0
 
 
