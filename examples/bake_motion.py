@@ -3,7 +3,8 @@
     roam serve                                                    # in another shell
     python examples/bake_motion.py 127.0.0.1:50051 examples/objects OUT
 
-Writes OUT/NAME.npz (numpy arrays; see docs/quickstart.md for what is in them). For .glb use `roam sit -o NAME.glb`.
+Writes OUT/NAME.npz (numpy arrays; see docs/how-to/quickstart.md for what is in them).
+For .glb use `roam sit -o NAME.glb`.
 """
 
 import argparse

@@ -1,7 +1,10 @@
-"""Where the real data lie, for the few tests that need them."""
+"""Where the real data lie, for the few tests that need them; and one thread for tensors, as servers have."""
 
 import os
 from pathlib import Path
+
+# With more, sums are split otherwise and round otherwise: frames computed here would not be those of a server.
+os.environ["OMP_NUM_THREADS"] = "1"
 
 import pytest
 

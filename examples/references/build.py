@@ -97,7 +97,7 @@ def arms_on_rests(rest: float, half: float, hip_z: float, *, along: float = 0.19
 
 def chair_sit() -> Pair:
     pose = sitting(
-        seat=0.45, hip_z=-0.115, lean=15, upright=6, knee=0.435, spread=0.125, wrists=hands_on_thighs(0.45, -0.115)
+        seat=0.45, hip_z=-0.115, lean=15, upright=6, knee=0.30, spread=0.125, wrists=hands_on_thighs(0.45, -0.115)
     )
     return Pair(
         "chair_sit",
@@ -111,7 +111,7 @@ def chair_sit() -> Pair:
 
 def chair_arms() -> Pair:
     pose = sitting(
-        seat=0.45, hip_z=-0.105, lean=17, upright=6, knee=0.44, spread=0.13, wrists=arms_on_rests(0.655, 0.265, -0.105)
+        seat=0.45, hip_z=-0.105, lean=17, upright=6, knee=0.30, spread=0.13, wrists=arms_on_rests(0.655, 0.265, -0.105)
     )
     furniture = open_armchair(seat=0.45, foot=-0.2, lean=14, arm_half=0.265, arm_height=0.655)
     return Pair(
@@ -125,7 +125,7 @@ def sofa_sit() -> Pair:
         hip_z=-0.16,
         lean=26,
         upright=9,
-        knee=0.50,
+        knee=0.475,
         spread=0.15,
         wrists=hands_on_thighs(0.41, -0.16, along=0.17, out=0.14),
     )
@@ -151,7 +151,7 @@ def lounge_sit() -> Pair:
 
 def office_sit() -> Pair:
     pose = sitting(
-        seat=0.46, hip_z=-0.115, lean=15, upright=7, knee=0.42, spread=0.14, wrists=arms_on_rests(0.67, 0.30, -0.115)
+        seat=0.46, hip_z=-0.115, lean=15, upright=7, knee=0.31, spread=0.14, wrists=arms_on_rests(0.67, 0.30, -0.115)
     )
     furniture = office_chair(seat=0.46, foot=-0.21, lean=12.5, arm_height=0.67)
     return Pair(
@@ -163,9 +163,9 @@ def stool_sit() -> Pair:
     pose = sitting(
         seat=0.45,
         hip_z=-0.03,
-        lean=6,
-        upright=-2,
-        knee=0.40,
+        lean=2,
+        upright=4,
+        knee=0.28,
         spread=0.13,
         wrists=hands_on_thighs(0.45, -0.03, along=0.24),
     )
@@ -176,9 +176,9 @@ def bench_sit() -> Pair:
     pose = sitting(
         seat=0.45,
         hip_z=-0.03,
-        lean=8,
-        upright=-3,
-        knee=0.42,
+        lean=3,
+        upright=4,
+        knee=0.29,
         spread=0.13,
         wrists=hands_on_thighs(0.45, -0.03, along=0.24),
     )
@@ -197,8 +197,8 @@ def bar_sit() -> Pair:
     pose = sitting(
         seat=seat,
         hip_z=-0.02,
-        lean=4,
-        upright=-4,
+        lean=2,
+        upright=3,
         knee=0.24,
         spread=0.11,
         ankle=ring + 0.075,

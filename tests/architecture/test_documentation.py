@@ -9,9 +9,12 @@ from roam_command.main import app
 from roam_goalpose.settings import GoalPoseSettings
 from roam_motion.settings import MotionSettings
 from roam_serving.settings import ServerSettings
+from test_house import tracked
 
 ROOT = Path(__file__).parents[2]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")]
+MORE = [ROOT / "proto/README.md", *ROOT.glob("clients/*/README.md")]
+DOCUMENTS = [*FRONT, *MORE, *sorted((ROOT / "docs").rglob("*.md"))]
 LINK = re.compile(r"\[[^\]]*\]\((?!https?:|#)([^)#\s]+)")
 COMMAND = re.compile(r"^(?:\.venv/bin/)?roam ([a-z]+)(?: ([a-z]+))?", re.MULTILINE)
 
@@ -34,5 +37,33 @@ def test_commands_in_the_readme_exist() -> None:
 
 @pytest.mark.parametrize("settings", [ServerSettings, GoalPoseSettings, MotionSettings])
 def test_every_setting_is_documented(settings: type[ServerSettings]) -> None:
-    text = (ROOT / "docs" / "operations.md").read_text()
+    text = (ROOT / "docs" / "how-to" / "operations.md").read_text()
     assert [name for name in settings.model_fields if f"ROAM_{name.upper()}" not in text] == []
+
+
+# What a reader outside this repository cannot look up, and paths of documents that code and documents name.
+LOST = re.compile(r"METHOD-NOTES|HUMAN-MOTION|MOTION-TRIALS|INTEROP-NOTES|USERS-AND-PEERS|\bissue #?\d+|shared/design")
+NAMED = re.compile(
+    r"\b(?:docs|proto|clients|evaluation|examples|weights|requirements|scripts|tests)/[\w./-]*\w\.(?:md|json|py|proto)\b"
+)
+
+
+def cited(path: Path) -> str:
+    """A file's words: documents and comments alike, without the addresses of the web."""
+    return re.sub(r"https?://\S+", "", path.read_text())
+
+
+def test_citations_lead_somewhere() -> None:
+    lost, missing = [], []
+    for path in tracked("*.py", "*.md", "*.proto", "*.yml", "*.yaml", "*.js", "scripts/*"):
+        if path == Path(__file__) or "results" in path.parts:
+            continue
+        text = cited(path)
+        lost += [f"{path.relative_to(ROOT)}: {word}" for word in LOST.findall(text)]
+        if path.suffix in {".md", ".proto"} or path.parts[len(ROOT.parts)] in {"services", "clients", "evaluation"}:
+            names = [
+                name for name in NAMED.findall(text) if not any((at / name).exists() for at in (ROOT, path.parent))
+            ]
+            missing += [f"{path.relative_to(ROOT)}: {name}" for name in names]
+    assert lost == []
+    assert missing == []

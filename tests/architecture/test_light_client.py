@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-HEAVY = ("torch", "scipy", "trimesh", "fastapi", "uvicorn", "character", "goalpose", "motion", "serving")
+OWN = ("roam_character", "roam_goalpose", "roam_motion", "roam_serving", "roam_evaluation")
+HEAVY = ("torch", "scipy", "trimesh", "fastapi", "uvicorn", *OWN)
 
 
 @pytest.mark.parametrize("module", ["roam_client", "roam_command"])

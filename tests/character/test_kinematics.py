@@ -99,3 +99,48 @@ def test_facing_is_the_yaw_of_hips_and_shoulders():
     pose = rest_pose(humanoid_skeleton())
     for yaw in (-2.5, -1.0, 0.0, 0.4, 3.0):
         assert pose.turned(yaw).yaw() == pytest.approx(yaw, abs=1e-5)
+
+
+def test_a_posture_has_the_same_bits_alone_and_in_a_batch():
+    skeleton = humanoid_skeleton()
+    roots, turns = (torch.as_tensor(part).float() for part in random_posture(skeleton, 3, count=9))
+    together = kinematics.forward_kinematics(skeleton, roots, turns)
+    for k in range(len(roots)):
+        alone = kinematics.forward_kinematics(skeleton, roots[k : k + 1], turns[k : k + 1])
+        assert torch.equal(alone.positions[0], together.positions[k])
+        assert torch.equal(alone.orientations[0], together.orientations[k])
+
+
+def test_what_was_first_computed_in_inference_mode_can_be_differentiated_later():
+    skeleton = load_skeleton("paper")
+    roots, turns = (torch.as_tensor(part) for part in random_posture(skeleton, 4, count=2))
+    with torch.inference_mode():
+        kinematics.forward_kinematics(skeleton, roots, turns)
+    turns.requires_grad_()
+    kinematics.forward_kinematics(skeleton, roots, turns).positions.sum().backward()
+    assert torch.isfinite(turns.grad).all()
+
+
+@pytest.mark.parametrize("kind", [np.asarray, torch.as_tensor])
+def test_a_bent_joint_keeps_both_bones_and_points_to_its_side(kind):
+    rng = np.random.default_rng(6)
+    start, side = kind(rng.normal(size=(50, 3))), kind(rng.normal(size=(50, 3)))
+    way = rng.normal(size=(50, 3))
+    end = start + kind(way / np.linalg.norm(way, axis=-1, keepdims=True) * rng.uniform(0.1, 0.82, size=(50, 1)))
+    upper, lower = kind(np.full((50, 1), 0.45)), kind(np.full((50, 1), 0.38))
+    middle = np.asarray(kinematics.bent_joint(start, end, (upper, lower), side))
+    assert np.allclose(np.linalg.norm(middle - np.asarray(start), axis=-1), 0.45, atol=1e-5)
+    assert np.allclose(np.linalg.norm(middle - np.asarray(end), axis=-1), 0.38, atol=1e-5)
+    along = np.asarray(end - start)
+    off = (middle - np.asarray(start)) - (((middle - np.asarray(start)) * along).sum(-1) / (along * along).sum(-1))[
+        :, None
+    ] * along
+    assert ((off * np.asarray(side)).sum(-1) > 0).all()
+
+
+def test_a_joint_of_an_end_out_of_reach_is_nearly_straight():
+    start, end = torch.zeros(1, 3), torch.tensor([[0.0, -2.0, 0.0]])
+    lengths = torch.full((1, 1), 0.4), torch.full((1, 1), 0.4)
+    middle = kinematics.bent_joint(start, end, lengths, torch.tensor([[0.0, 0.0, 1.0]]), straightest=0.998)
+    assert 0 < float(middle[0, 2]) < 0.03
+    assert float(middle[0].norm()) == pytest.approx(0.4, abs=1e-5)

@@ -1,3 +1,4 @@
+import socket
 from collections.abc import Iterator
 
 import pytest
@@ -15,3 +16,11 @@ def fake() -> Iterator[Fake]:
 def client(fake: Fake) -> Iterator[Client]:
     with Client(goalpose=fake.address, motion=fake.address) as connected:
         yield connected
+
+
+@pytest.fixture
+def free_port() -> int:
+    """A port of this machine on which nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -368,6 +368,7 @@ class Fake:
     """A running pair and what it saw."""
 
     address: str
+    other_address: str  # of another replica, so to speak
     goal_poses: GoalPoses
     motions: Motions
 
@@ -380,9 +381,9 @@ def fake_services() -> Iterator[Fake]:
     motion_pb2_grpc.add_MotionServiceServicer_to_server(motions, server)
     skeleton_pb2_grpc.add_SkeletonServiceServicer_to_server(Skeletons(), server)
     server_pb2_grpc.add_ServerServiceServicer_to_server(Servers(), server)
-    port = server.add_insecure_port("127.0.0.1:0")
+    ports = [server.add_insecure_port("127.0.0.1:0") for _ in range(2)]
     server.start()
     try:
-        yield Fake(f"127.0.0.1:{port}", goal_poses, motions)
+        yield Fake(*(f"127.0.0.1:{port}" for port in ports), goal_poses, motions)
     finally:
         server.stop(None)

@@ -1,5 +1,3 @@
-import socket
-
 import grpc
 import pytest
 from fake_services import Fake
@@ -53,13 +51,6 @@ def test_no_server_names_the_address(free_port: int):
         pytest.raises(ConnectionFailedError, match=str(free_port)),
     ):
         client.reference_poses()
-
-
-@pytest.fixture
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_a_client_without_an_address_says_which_one_is_missing():

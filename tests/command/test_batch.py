@@ -1,6 +1,6 @@
 """`roam batch`: resumable, one line per object, failures listed and never fatal, on both engines."""
 
-import hashlib
+import errno
 import importlib.util
 import json
 import os
@@ -12,10 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from roam.v1 import goal_pose_pb2
+from roam_client.files import save_arrays
 from roam_command import batch as command
-from roam_command import batch_engines
+from roam_command import batch_engines, batch_ledger
 from roam_command.batch_engines import local
-from roam_command.batch_work import Order, Outcome
+from roam_command.batch_ledger import Ending, Ledger
+from roam_command.batch_work import Order, Outcome, digest_of
 from roam_command.main import app
 from typer.testing import CliRunner
 
@@ -58,9 +61,9 @@ def shelf(tmp_path: Path) -> Path:
     return folder
 
 
-def roam_batch(*arguments: object) -> list[dict]:
+def roam_batch(*arguments: object, exit_code: int = 0) -> list[dict]:
     result = CliRunner().invoke(app, ["batch", *map(str, arguments), "--json"])
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == exit_code, result.output
     return [json.loads(line) for line in result.stdout.splitlines()]
 
 
@@ -75,7 +78,7 @@ def test_a_folder_from_end_to_end_and_again(shelf: Path, tmp_path: Path):
     }
     assert first["chairs/broken.glb"]["reason"] == "OBJECT_MALFORMED"
     assert first["chairs/chair.glb"]["hip_seat_distance"] < 0.08
-    with np.load(out / "chairs/chair.glb.npz", allow_pickle=False) as saved:
+    with np.load(out / "chairs/chair.pose.npz", allow_pickle=False) as saved:
         assert saved["rotations"].shape == (22, 4)
     ledger = (out / "batch.jsonl").read_text().splitlines()
     assert [json.loads(line)["file"] for line in ledger] == list(first)
@@ -99,13 +102,20 @@ def test_what_is_done_is_told_by_content_and_options(shelf: Path, tmp_path: Path
     out.mkdir()
     chair = shelf / "chairs/chair.glb"
     (out / "chairs").mkdir()
-    (out / "chairs/chair.glb.npz").touch()
-    record = {"file": "chairs/chair.glb", "status": "done", "content": command_digest(chair), "order": vars(ORDER)}
+    (out / "chairs/chair.pose.npz").touch()
+    record = {
+        "file": "chairs/chair.glb",
+        "status": "done",
+        "content": digest_of(chair.read_bytes()),
+        "order": ORDER.record(),
+    }
+    record["pose"] = digest_of(b"")
     (out / "batch.jsonl").write_text(json.dumps(record) + "\n")
 
     def tried(*options: object) -> set[str]:
         asked.clear()
-        roam_batch(shelf, "-o", out, *options)
+        result = CliRunner().invoke(app, ["batch", str(shelf), "-o", str(out), *map(str, options)])
+        assert result.exit_code == (1 if len(asked) == 3 else 0), result.output
         return set(asked)
 
     rest = {"broken.glb", "flat.stl"}
@@ -116,12 +126,68 @@ def test_what_is_done_is_told_by_content_and_options(shelf: Path, tmp_path: Path
     assert tried() == rest | {"chair.glb"}
 
 
-def command_digest(path: Path) -> str:
-    return "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
+def test_a_pose_that_is_another_one_is_made_again(shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    out = tmp_path / "poses"
+    ledger = Ledger(out, shelf, ORDER, Ending.NPZ)
+    source = shelf / "chairs/chair.glb"
+    monkeypatch.setattr(batch_ledger, "write_pose", lambda target, *_, **__: target.write_bytes(b"whole"))
+    monkeypatch.setattr(batch_ledger, "goal_pose_figures", lambda goal: {})
+    monkeypatch.setattr(batch_ledger.GoalPose, "from_message", lambda *_, **__: None)
+    place = goal_pose_pb2.Object(object_to_world=np.eye(4).ravel()).SerializeToString()
+    done = Outcome(object=place, goal_pose=b"\n\x00", content=digest_of(source.read_bytes()))
+    assert ledger.add(source, done, None)["status"] == "done"
+    assert Ledger(out, shelf, ORDER, Ending.NPZ).has(source)
+    ledger.target(source).write_bytes(b"who")  # cut off, or of another run
+    assert not Ledger(out, shelf, ORDER, Ending.NPZ).has(source)
+
+
+def test_a_full_disk_leaves_no_file_and_names_it(shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    target = tmp_path / "pose.npz"
+    target.write_bytes(b"the old one")
+
+    def full(part: Path, **_: object) -> None:
+        part.write_bytes(b"hal")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(OSError, match=r"cannot write .*pose\.npz: No space left on device"):
+        save_arrays(target, {"a": np.zeros(3)}, {})
+    assert target.read_bytes() == b"the old one"
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["pose.npz"]
+
+
+def test_exit_codes_tell_whether_anything_was_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def run(left, order, *, jobs):
+        yield from ((source, Outcome(reason="NOT_TODAY")) for source in left)
+
+    monkeypatch.setattr(batch_engines, "local", run)
+    folder = tmp_path / "shelf"
+    files(folder, {"a.obj": b"a", "b.obj": b"b", "c.fbx": b"c"})
+    result = CliRunner().invoke(app, ["batch", str(folder), "-o", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    assert "c.fbx" in result.stderr
+    assert "export them as .glb" in " ".join(result.stderr.split())
+
+
+def test_strict_fails_for_one_failure(shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def run(left, order, *, jobs):
+        yield left[0], Outcome(reason="NOT_TODAY")
+
+    monkeypatch.setattr(batch_engines, "local", run)
+    roam_batch(shelf, "-o", tmp_path / "out")
+    roam_batch(shelf, "-o", tmp_path / "out", "--strict", exit_code=1)
+
+
+def test_a_file_that_cannot_be_read_fails_alone(tmp_path: Path):
+    sources = [*files(tmp_path, {"a.obj": b"good"}), tmp_path / "gone.obj"]
+    outcomes = {source.name: outcome for source, outcome in local(sources, ORDER, jobs=1, work=work)}
+    assert outcomes["gone.obj"].reason == "NOT_READ"
+    assert "gone.obj" in outcomes["gone.obj"].message
+    assert outcomes["a.obj"].done
 
 
 def test_poses_inside_the_folder_are_no_furniture(shelf: Path):
-    files(shelf, {"poses/chair.glb.glb": b"x"})
+    files(shelf, {"poses/chair.pose.glb": b"x"})
     found = command.furniture_files(shelf, shelf / "poses")
     assert [path.name for path in found] == ["broken.glb", "chair.glb", "flat.stl"]
 

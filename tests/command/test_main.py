@@ -119,7 +119,7 @@ def test_sit_stands_up_again_when_asked(fake: Fake, chair: Path):
     [
         (["pose", "nowhere.obj", "--server", "SERVER"], 2, "there is no file nowhere.obj"),
         (["pose", "README", "--server", "SERVER"], 2, "give one of obj, glb"),
-        (["pose", "CHAIR", "--server", "SERVER", "-o", "pose.fbx"], 2, "Use one of .npz, .json, .glb"),
+        (["pose", "CHAIR", "--server", "SERVER", "-o", "pose.doc"], 2, "Use one of .npz, .json, .glb"),
         (["pose", "CHAIR", "--server", "SERVER", "-o", "no/such/pose.npz"], 2, "there is no folder"),
         (["pose", "CHAIR", "--server", "localhost"], 2, "host:port"),
         (["pose", "CHAIR", "--server", "goalpose=a:1"], 2, "motion=host:port"),

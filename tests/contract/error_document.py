@@ -1,4 +1,4 @@
-"""docs/errors.md, made from the error tables. Running this file writes it."""
+"""docs/reference/errors.md, made from the error tables. Running this file writes it."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from roam_motion.errors import MOTION_ERRORS
 from roam_serving.errors import COMMON, table_markdown
 from roam_serving.skeletons import SKELETON_NOT_FOUND
 
-PATH = Path(__file__).parents[2] / "docs" / "errors.md"
+PATH = Path(__file__).parents[2] / "docs" / "reference" / "errors.md"
 
 SECTIONS = (
     ("Both services", (*COMMON, SKELETON_NOT_FOUND)),

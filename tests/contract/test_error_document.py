@@ -1,4 +1,4 @@
-"""docs/errors.md and the clients' exceptions follow the table."""
+"""docs/reference/errors.md and the clients' exceptions follow the table."""
 
 import re
 

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from roam_goalpose.service.application import GoalPoseApplication
 from roam_goalpose.settings import GoalPoseSettings
-from roam_motion.session.stream_metrics import StreamMetrics
+from roam_motion.session.stream import StreamMetrics
 from roam_motion.session.ticker import TickerMetrics
 from roam_motion.settings import MotionSettings
 from roam_serving.metrics import Metrics
@@ -101,7 +101,7 @@ def test_the_dashboard_and_the_documentation_name_metrics_that_exist():
     }
     assert len(asked) > 15
     assert asked <= known
-    page = (ROOT / "docs/operations.md").read_text()
+    page = (ROOT / "docs/how-to/operations.md").read_text()
     named = set(re.findall(r"`(roam_\w+)`", page))
     bases = known | {re.sub(r"_(bucket|sum|count|total)$", "", name) for name in known}
     assert named <= bases
@@ -113,4 +113,4 @@ def test_the_dashboard_and_the_documentation_name_metrics_that_exist():
 
 @pytest.mark.parametrize("name", sorted({*GoalPoseSettings.model_fields, *MotionSettings.model_fields}))
 def test_every_setting_is_documented(name):
-    assert f"`ROAM_{name.upper()}`" in (ROOT / "docs/operations.md").read_text()
+    assert f"`ROAM_{name.upper()}`" in (ROOT / "docs/how-to/operations.md").read_text()

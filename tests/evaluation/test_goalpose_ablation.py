@@ -3,6 +3,7 @@
 import pytest
 import torch
 from roam_evaluation.goalpose.ablation import CHANGES, ablated
+from roam_goalpose.energy.terms.descriptor import Descriptor
 from roam_goalpose.synthesis import Synthesizer
 from seating import sitter
 
@@ -35,6 +36,7 @@ def test_every_variant_but_the_default_changes_something(synthesizer, variant):
 def test_joint_sampling_leaves_the_limbs_out(synthesizer):
     pair = synthesizer.references["chair_sit"]
     full, joints = (ablated(synthesizer, v).model(pair, 0, 2) for v in ("default", "joint sampling"))
-    assert joints.probes.count == 2 * 22
-    assert full.probes.count == 2 * (22 + 8)
-    assert joints.descriptors.shape[1] == joints.nearness.shape[1] == joints.probes.count
+    joints, full = Descriptor().of(joints), Descriptor().of(full)
+    assert joints.width == 2 * 22
+    assert full.width == 2 * (22 + 8)
+    assert joints.descriptors.values.shape[1] == joints.nearness.shape[1] == joints.width

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from roam_character.distance import turn_about_y
 from roam_evaluation.goalpose.cases import (
     cloud_case,
     faced_case,
@@ -12,7 +13,6 @@ from roam_evaluation.goalpose.cases import (
     tumbled_case,
     turned_case,
 )
-from roam_goalpose.objects.distance import turn_about_y
 from seating import CHAIR, sitter
 
 

@@ -56,8 +56,13 @@ def start_motion(store):
 
 def address(process):
     """Where a starting server listens for gRPC."""
-    line = process.stdout.readline()
-    return line.split("grpc=")[1].strip()
+    return addresses(process)[1]
+
+
+def addresses(process):
+    """Where a starting server listens for HTTP, and for gRPC."""
+    _, http, grpc = process.stdout.readline().split()
+    return http.removeprefix("http="), grpc.removeprefix("grpc=")
 
 
 @contextmanager

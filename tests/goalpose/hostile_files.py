@@ -65,7 +65,7 @@ def obj(value: str) -> bytes:
 
 def cloud(value: float) -> bytes:
     points = np.random.default_rng(0).uniform(0, 1, (200, 3)).astype("<f4")
-    points[7, 1] = value
+    points[:, 1] = value
     file = io.BytesIO()
     np.save(file, points)
     return file.getvalue()

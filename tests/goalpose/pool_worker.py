@@ -6,7 +6,7 @@ from dataclasses import replace
 from unittest import mock
 
 from poser import Poser
-from roam_goalpose.solvers import gauss_newton as newton
+from roam_goalpose.energy.objective import Objective
 from roam_goalpose.solvers.progress import Cancelled, Progress
 from roam_goalpose.synthesis import RequestError, Synthesizer
 
@@ -49,8 +49,8 @@ class Counter(Synthesizer):
                 time.sleep(0.005)
                 progress(told)  # the pool leaves out what comes too often
 
-        plain = newton.expand
-        with mock.patch.object(newton, "expand", expand):
+        plain = Objective.expand
+        with mock.patch.object(Objective, "expand", expand):
             try:
                 return super().synthesize(shape, request, progress=tell, cancelled=cancelled)
             except Cancelled:

@@ -5,7 +5,9 @@ from functools import cache
 from pathlib import Path
 
 import torch
-from roam_goalpose.energy.total import ReferenceModel, Target
+from roam_goalpose.energy.constraints import NONE, Constraints
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Target
 from roam_goalpose.references.model import model_reference, study_pair
 from roam_goalpose.references.pairs import ReferencePair, load_reference
 from torch import Tensor
@@ -20,10 +22,10 @@ class Autograd:
     queries: Tensor
     descriptors: Tensor
 
-    def force(self, slope: Tensor) -> Tensor:
+    def vjp(self, cotangent: Tensor) -> Tensor:
         with torch.inference_mode(False):
-            (force,) = torch.autograd.grad(self.descriptors, self.queries, slope.clone())
-        return force
+            (slope,) = torch.autograd.grad(self.descriptors, self.queries, cotangent.clone())
+        return slope
 
 
 class LandmarkField:
@@ -41,7 +43,7 @@ class LandmarkField:
         distance = (x[:, :, None] - latent[:, None]).square().sum(-1).add(1e-4).sqrt()
         return torch.nn.functional.normalize(torch.cat([distance.sin(), distance.cos()], -1), dim=-1)
 
-    def pull(self, latent: Tensor, x: Tensor) -> Autograd:
+    def linearize(self, latent: Tensor, x: Tensor) -> Autograd:
         """The same with its slopes."""
         with torch.inference_mode(False), torch.enable_grad():
             leaf = x.clone().detach().requires_grad_()
@@ -58,12 +60,12 @@ def pair(name: str) -> ReferencePair:
 def model(name: str, samples: int = 2) -> ReferenceModel:
     """Its model under the landmark field."""
     field = LandmarkField()
-    return model_reference(study_pair(pair(name), field), field, samples=samples)
+    return model_reference(study_pair(pair(name), field), samples=samples)
 
 
-def target_of(name: str) -> Target:
+def target_of(name: str, wishes: Constraints | None = None) -> Target:
     """The object of a reference pair as something to pose on."""
     field, shape = LandmarkField(), pair(name).shape
     latent = field.encode(torch.as_tensor(shape.points[:1500])[None])
     front = torch.tensor(shape.front, dtype=torch.float32)
-    return Target(field, latent, shape.distance, shape.floor_height, front)
+    return Target(field, latent, shape.distance, shape.floor_height, front, wishes or NONE)

@@ -5,15 +5,9 @@ import math
 import pytest
 import torch
 from roam_goalpose.energy.chain import Chain
-from roam_goalpose.energy.constraint import (
-    NEAR,
-    NONE,
-    Constraints,
-    constraint,
-    constraint_misses,
-    constraint_motion,
-    constraints_in,
-)
+from roam_goalpose.energy.constraints import NONE, Constraints, constraints_in
+from roam_goalpose.energy.term import squares
+from roam_goalpose.energy.terms.constraint import NEAR, constraint_misses, constraint_motion
 from roam_goalpose.objects.own_axes import Placement
 from roam_goalpose.solvers.candidates import facing_yaw
 from roam_goalpose.solvers.gauss_newton import moved
@@ -41,14 +35,14 @@ def test_a_person_over_the_point_who_faces_the_way_has_met_the_wish():
     wish = Constraints(seat_point=(x, -5.0, z), facing=float(facing_yaw(figure)))
     assert constraint_misses(figure, wish).abs().max() < 1e-4
     aside = Constraints(seat_point=(x + NEAR, 0.0, z))
-    assert float(constraint(constraint_misses(figure, aside)).energy) == pytest.approx(1.0, abs=1e-4)
+    assert float(squares(constraint_misses(figure, aside)).energy) == pytest.approx(1.0, abs=1e-4)
 
 
 def test_a_lying_person_faces_where_their_left_side_says():
     figure = turned_figures(model("sofa_lie").figure, torch.tensor([1.1]))
     wish = Constraints(facing=float(facing_yaw(figure)))
     assert constraint_misses(figure, wish)[:, [0, 2]].abs().max() < 0.6  # hips tilt a little; a turn costs far more
-    assert float(constraint(constraint_misses(figure, Constraints(facing=wish.facing + math.pi))).energy) > 90
+    assert float(squares(constraint_misses(figure, Constraints(facing=wish.facing + math.pi))).energy) > 90
 
 
 def test_motion_is_the_derivative_of_the_misses():

@@ -1,7 +1,7 @@
 """The hand-written derivative agrees with autograd's."""
 
 import torch
-from roam_goalpose.field.direction import direction
+from roam_goalpose.field.field import direction
 from torch.nn import functional
 
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 import torch
-from roam_goalpose.field.encoder import SCALES, neighbourhoods, spread, squared_distances
-from roam_goalpose.field.vectors import VectorBlock
+from roam_goalpose.field.encoder import SCALES, VectorBlock, neighbourhoods, spread, squared_distances
 from scipy.spatial.transform import Rotation
 
 

@@ -12,7 +12,7 @@ import trimesh
 from poser import box_file
 from roam_character.skeleton import humanoid_skeleton
 from roam_goalpose.app import GoalPoseService
-from roam_goalpose.energy.weights import DEFAULT
+from roam_goalpose.energy.terms import default_weights
 from roam_goalpose.settings import GoalPoseSettings
 from roam_goalpose.synthesis import Synthesizer
 from roam_serving.server import running
@@ -73,7 +73,7 @@ async def test_unit_and_up_axis_are_told_back(client):
         ({"content": b"?", "params": {"format": "glb"}}, 422, "OBJECT_MALFORMED", "content"),
         ({"content": b"?", "params": {"format": "docx"}}, 422, "OBJECT_FORMAT_UNKNOWN", "format"),
         (
-            {"content": b"?", "headers": {"Content-Disposition": 'x; filename="a.fbx"'}},
+            {"content": b"?", "headers": {"Content-Disposition": 'x; filename="a.step"'}},
             422,
             "OBJECT_FORMAT_UNSUPPORTED",
             "format",
@@ -270,7 +270,7 @@ async def test_several_poses_with_their_quality(client):
     assert quality["penetration_depth"] == 0.25
     assert [bone["bone"] for bone in quality["bone_penetrations"]] == ["leftFoot"]
     assert 0 < quality["penetration_volume"] == quality["bone_penetrations"][0]["volume"] < 0.02
-    assert quality["descriptor_residual"] == pytest.approx(1.0 / DEFAULT.descriptor)
+    assert quality["descriptor_residual"] == pytest.approx(1.0 / default_weights()["descriptor"])
     assert quality["floor_distance"] is None
 
 

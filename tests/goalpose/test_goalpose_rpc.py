@@ -64,7 +64,7 @@ async def test_upload_in_chunks_and_read_back(stub):
     [
         ([], grpc.StatusCode.INVALID_ARGUMENT, "INVALID_ARGUMENT"),
         (chunks(b"?", format="glb"), grpc.StatusCode.INVALID_ARGUMENT, "OBJECT_MALFORMED"),
-        (chunks(b"?", format="fbx"), grpc.StatusCode.INVALID_ARGUMENT, "OBJECT_FORMAT_UNSUPPORTED"),
+        (chunks(b"?", format="step"), grpc.StatusCode.INVALID_ARGUMENT, "OBJECT_FORMAT_UNSUPPORTED"),
         (chunks(b"?" * 300_000, 50_000, format="obj"), grpc.StatusCode.RESOURCE_EXHAUSTED, "PAYLOAD_TOO_LARGE"),
     ],
 )

@@ -34,7 +34,7 @@ def _refused(data, format="glb"):
 def test_the_rebuilt_file_reads():
     geometry = read_geometry(_glb(*_parts()), "glb", Limits())
     assert geometry.faces.shape == (72, 3)
-    assert (geometry.up, geometry.unit) == ("y", "m")
+    assert (geometry.up, geometry.metres) == ("y", 1.0)
 
 
 def test_gltf_with_a_data_uri():
@@ -62,11 +62,28 @@ def test_external_images_are_ignored():
     assert len(read_geometry(_glb(document, binary), "glb", Limits()).faces) == 72
 
 
-@pytest.mark.parametrize("extension", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
-def test_compressed_meshes_are_named(extension):
+def test_an_unknown_required_extension_is_refused_and_named():
+    document, binary = _parts()
+    document["extensionsRequired"] = ["ACME_twisted_positions"]
+    with pytest.raises(ObjectError) as caught:
+        read_geometry(_glb(document, binary), "glb", Limits())
+    assert caught.value.reason == "OBJECT_FORMAT_UNSUPPORTED"
+    assert "ACME_twisted_positions" in caught.value.message
+
+
+@pytest.mark.parametrize("extension", ["KHR_materials_sheen", "KHR_texture_transform", "KHR_lights_punctual"])
+def test_required_extensions_of_looks_are_no_matter(extension):
     document, binary = _parts()
     document["extensionsRequired"] = [extension]
-    assert _refused(_glb(document, binary)) == "OBJECT_FORMAT_UNSUPPORTED"
+    assert len(read_geometry(_glb(document, binary), "glb", Limits()).faces) == 72
+
+
+def test_an_unknown_extension_on_a_mesh_is_told():
+    document, binary = _parts()
+    document["extensionsUsed"] = ["ACME_twisted_positions"]
+    document["meshes"][0]["primitives"][0]["extensions"] = {"ACME_twisted_positions": {}}
+    geometry = read_geometry(_glb(document, binary), "glb", Limits())
+    assert [note.reason for note in geometry.notes] == ["OBJECT_PART_IGNORED"]
 
 
 def test_every_truncation_is_refused():

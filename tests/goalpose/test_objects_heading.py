@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 from box_furniture import box, box_chair, box_sofa
+from roam_character.distance import turn_about_y
 from roam_goalpose.objects import load_shape
-from roam_goalpose.objects.distance import turn_about_y
-from roam_goalpose.objects.heading import Heading, find_heading
 from roam_goalpose.objects.own_axes import in_own_axes
+from roam_goalpose.objects.placing.heading import Heading, find_heading
 
 
 def _turned(mesh: trimesh.Trimesh, yaw: float) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from roam_goalpose.objects import ObjectError
 from roam_goalpose.objects.limits import Limits
-from roam_goalpose.objects.pcd import lzf_decompress, read_pcd
+from roam_goalpose.objects.readers.pcd import lzf_decompress, read_pcd
 
 POINTS = np.random.default_rng(0).uniform(0, 1, (300, 3)).astype("<f4")
 

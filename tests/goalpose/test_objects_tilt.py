@@ -6,7 +6,7 @@ import trimesh
 from box_furniture import box, box_chair, box_sofa
 from roam_goalpose.furniture import generate
 from roam_goalpose.objects import load_shape
-from roam_goalpose.objects.tilt import stands, turn_to_y
+from roam_goalpose.objects.placing.tilt import stands, turn_to_y
 from scipy.spatial.transform import Rotation
 
 

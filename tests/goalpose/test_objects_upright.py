@@ -3,11 +3,11 @@ import pytest
 import trimesh
 from box_furniture import box, box_chair, box_sofa
 from roam_goalpose.objects.limits import Limits
+from roam_goalpose.objects.placing.upright import choose_up, upright_score
+from roam_goalpose.objects.placing.upright_fit import accuracy, fit, fit_weights
 from roam_goalpose.objects.reading import read_geometry
-from roam_goalpose.objects.sampling import sample_triangles, shuffled_subset, triangle_areas
-from roam_goalpose.objects.surface import local_normals
-from roam_goalpose.objects.upright import choose_up
-from roam_goalpose.objects.upright_fit import accuracy, fit, fit_weights
+from roam_goalpose.objects.surfaces.sampling import sample_triangles, shuffled_subset, triangle_areas
+from roam_goalpose.objects.surfaces.surface import local_normals
 
 # file axes in which the object's own +Y is called z, facing any of the four ways
 Z_UP = trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])[:3, :3]
@@ -24,27 +24,31 @@ def _stool():
     return trimesh.util.concatenate([box((-0.18, 0.42, -0.18), (0.18, 0.45, 0.18)), *legs])
 
 
+def _chosen(points, normals):
+    return choose_up({axis: upright_score(points, normals, axis) for axis in ("y", "z")})
+
+
 @pytest.mark.parametrize("make", [box_chair, box_sofa, _stool])
 @pytest.mark.parametrize("heading", [0.0, np.pi / 2, np.pi, 0.6])
 def test_box_furniture_either_way(make, heading):
     points, normals = _samples(np.asarray(make().triangles))
     turn = trimesh.transformations.rotation_matrix(heading, [0, 1, 0])[:3, :3]
     points, normals = points @ turn.T, normals @ turn.T
-    assert choose_up(points, normals).up == "y"
-    assert choose_up(points @ Z_UP.T, normals @ Z_UP.T).up == "z"
+    assert _chosen(points, normals).up == "y"
+    assert _chosen(points @ Z_UP.T, normals @ Z_UP.T).up == "z"
 
 
 def test_a_point_cloud_needs_no_given_normals():
     points, _ = _samples(np.asarray(box_chair().triangles))
     points = points[:5000] + np.random.default_rng(0).normal(0, 0.005, (5000, 3))
     normals = local_normals(points).normals
-    assert choose_up(points, normals).up == "y"
-    assert choose_up(points @ Z_UP.T, normals @ Z_UP.T).up == "z"
+    assert _chosen(points, normals).up == "y"
+    assert _chosen(points @ Z_UP.T, normals @ Z_UP.T).up == "z"
 
 
 def test_a_cube_is_doubtful_and_says_so():
     points, normals = _samples(np.asarray(box((-0.3, 0, -0.3), (0.3, 0.6, 0.3)).triangles))
-    guess = choose_up(points, normals)
+    guess = _chosen(points, normals)
     assert 0.5 <= guess.probability < 0.95
     assert "up axis" in guess.doubt
 
@@ -78,6 +82,6 @@ def test_real_furniture_of_the_test_set(objects):
     wrong = []
     for file in sorted((objects / "test").glob("*.glb")):
         points, normals = _samples(read_geometry(file.read_bytes(), "glb", Limits()).triangles)
-        if choose_up(points, normals).up != "y" or choose_up(points @ Z_UP.T, normals @ Z_UP.T).up != "z":
+        if _chosen(points, normals).up != "y" or _chosen(points @ Z_UP.T, normals @ Z_UP.T).up != "z":
             wrong.append(file.name)
     assert len(wrong) <= 1, wrong

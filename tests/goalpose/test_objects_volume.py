@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from roam_character.distance import turn_about_y
 from roam_character.volume import STEP, Volume
 from roam_goalpose.objects import load_shape
-from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.volume import shape_volume
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "objects"

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from roam_goalpose.objects.windows import largest_near, smallest_near
+from roam_goalpose.objects.surfaces.windows import largest_near, smallest_near
 from scipy import ndimage
 
 

@@ -41,7 +41,7 @@ def test_a_bone_in_the_middle_of_a_block_counts_whole():
 
 
 def test_bones_are_told_deepest_first_and_sum_up():
-    quality = quality_of(ranked(pair("chair_sit").pose), pair("chair_sit").shape, GoalPoseRequest())
+    quality = quality_of(ranked(pair("chair_sit").pose), pair("chair_sit").shape, descriptor_weight=0.7)
     assert [bone.bone for bone in quality.penetrations] == ["leftUpperLeg", "hips"]
     assert quality.penetration_depth == 0.03
     assert quality.penetration_volume == sum(bone.volume for bone in quality.penetrations)
@@ -52,7 +52,8 @@ def test_the_residual_is_the_term_without_its_weight():
     shape, pose = pair("chair_sit").shape, pair("chair_sit").pose
 
     def residual(one, **request):
-        return quality_of(one, shape, GoalPoseRequest(**request)).descriptor_residual
+        weight = GoalPoseRequest(**request).weight_of("descriptor")
+        return quality_of(one, shape, descriptor_weight=weight).descriptor_residual
 
     assert residual(ranked(pose), weights=(("descriptor", 0.7),)) == pytest.approx(0.5)
     assert residual(ranked(pose), solver="paper") == pytest.approx(0.35)

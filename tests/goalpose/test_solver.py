@@ -2,15 +2,15 @@ import math
 
 import pytest
 import torch
-from roam_goalpose.energy.total import ReferenceModel, Settings, Target
-from roam_goalpose.energy.weights import DEFAULT
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.energy.terms import default_weights
 from roam_goalpose.references.legs import settle_legs
 from roam_goalpose.solvers.candidates import Candidates, facing_yaw
 from roam_goalpose.solvers.gauss_newton import Problem, minimise
 from roam_goalpose.solvers.paper import PaperConfig, solve_paper
-from roam_goalpose.solvers.places import find_places
 from roam_goalpose.solvers.progress import Cancelled, Watch
-from roam_goalpose.solvers.search import evaluate, placed_figures
+from roam_goalpose.solvers.search import evaluate, find_places, placed_figures
 from roam_goalpose.solvers.staged import SolverConfig, solve
 from solving import model, pair, target_of
 
@@ -29,11 +29,11 @@ def solved(reference: str, furniture: str, *, first_yaw: float = 0.0, watch: Wat
 
 def as_candidates(m: ReferenceModel, target: Target) -> Candidates:
     """The reference pose itself, to start from."""
-    return evaluate(m.figure, torch.zeros(1, dtype=torch.long), m, target, Settings(DEFAULT, 1))
+    return evaluate(m.figure, torch.zeros(1, dtype=torch.long), m, target, Settings(default_weights(), 1))
 
 
 def problem(m: ReferenceModel, target: Target, *, iterations: int = 3, joints: bool = True, **more) -> Problem:
-    settings = Settings(DEFAULT, 1)
+    settings = Settings(default_weights(), 1)
     starts = as_candidates(m, target)
     return Problem(
         starts=starts, model=m, target=target, settings=settings, iterations=iterations, joints=joints, **more

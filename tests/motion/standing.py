@@ -1,27 +1,37 @@
 """A network of random weights, a standing character and a seated goal pose, for the tests of the motion domain."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from roam_character.pose import Pose, rest_pose
 from roam_character.rotation import quat_from_rotvec, quat_to_matrix
 from roam_character.skeleton import humanoid_skeleton
-from roam_motion.animation.features import Goals, network_config
+from roam_motion.actions import STYLES
 from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animation.prediction import Goals
 from roam_motion.animator import Animator
-from roam_motion.control.controller import Body, Command, Control, control
+from roam_motion.control.controller import Body, Control, GoalRows, control
 from roam_motion.control.intent import Intent
+from roam_motion.models.lnsm.config import network_config
 from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
+from roam_motion.models.lnsm.predict import LnsmModel
 
 
 def random_animator(seed: int = 0) -> Animator:
     """Small random weights: motion without meaning, but through all the code."""
+    return Animator(random_model(seed))
+
+
+def random_model(seed: int = 0) -> LnsmModel:
+    """A network of random weights."""
     torch.manual_seed(seed)
     figure = humanoid_figure()
     config = network_config(figure.joint_count, experts=3, encoding=16, hidden=16)
     normaliser = Normaliser(config)
     normaliser.get_buffer("output_std").fill_(0.01)
     starts = {"height": torch.tensor([0.96]), "orientations": torch.eye(3).expand(1, figure.joint_count, 3, 3).clone()}
-    return Animator(figure, MotionNetwork(config), normaliser, starts)
+    return LnsmModel(figure, MotionNetwork(config), normaliser, starts)
 
 
 def seated_pose(seat: float = 0.45, ahead: float = 0.0) -> Pose:
@@ -55,7 +65,26 @@ def goals_at(pose: Pose, action: int, *, active: bool) -> Goals:
     )
 
 
-def controlled(state: Control, intent: Intent, body: Body) -> tuple[Control, Command]:
+@dataclass(frozen=True)
+class Asked:
+    """The motion model's goals of one character."""
+
+    places: np.ndarray  # [13, 2]
+    style: str
+    active: bool
+    urgency: float
+    pose: np.ndarray  # [J, 3] of the goal pose
+
+
+def controlled(state: Control, intent: Intent, body: Body) -> tuple[Control, Asked]:
     """One frame of the controller for one character."""
-    (state,), (command,) = control(humanoid_figure(), [state], [intent], [body])
-    return state, command
+    (state,), goals = control(humanoid_figure(), [state], [intent], [body])
+    return state, asked(goals, 0)
+
+
+def asked(goals: GoalRows, row: int) -> Asked:
+    """What one row says."""
+    fields = {name: field[row] for name, field in goals.fields.items()}
+    style = STYLES[int(fields["action"].argmax())]
+    urgency, pose = float(fields["urgency"]), fields["pose_positions"].copy()
+    return Asked(fields["positions"].copy(), style, bool(fields["active"]), urgency, pose)

@@ -3,9 +3,9 @@ import math
 import numpy as np
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Goal, Idle, Steer
+from roam_motion.control.actions import seat_of
 from roam_motion.control.controller import FREE, INTERACT, RISE, Body, Control
 from roam_motion.control.planner import Plan
-from roam_motion.control.seat import seat_of
 from standing import controlled, seated_pose
 
 FIGURE = humanoid_figure()
@@ -29,7 +29,7 @@ def test_an_approach_ends_in_front_of_the_seat_facing_away_from_it():
     assert math.hypot(body.x - feet[0], body.z - feet[1] - 0.05) < 0.15
     assert abs(body.yaw) < math.radians(30)
     assert command.active
-    assert command.action == 2
+    assert command.style == "sit"
 
 
 def test_another_command_makes_a_seated_character_rise_first():
@@ -63,7 +63,7 @@ def test_steering_sets_the_path_and_the_action():
         state, command = controlled(
             state, Steer(np.array([0.8, 0.0])), Body(state.plan.x, state.plan.z, state.plan.yaw, 0.95)
         )
-    assert command.action == 1
+    assert command.style == "walk"
     assert command.places[-1, 0] - command.places[0, 0] > 1.2
     _, command = controlled(Control(Plan(0, 0)), Idle(), Body(0, 0, 0, 0.95))
-    assert command.action == 0
+    assert command.style == "idle"

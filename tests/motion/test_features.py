@@ -1,15 +1,9 @@
 import torch
-from roam_motion.animation.features import (
-    Targets,
-    decode,
-    encode,
-    encode_targets,
-    goal_orientations,
-    network_config,
-    world_axes,
-)
 from roam_motion.animation.figure import orthonormal
+from roam_motion.animation.prediction import goal_orientations, world_axes
 from roam_motion.animation.state import Characters
+from roam_motion.models.lnsm.config import network_config
+from roam_motion.models.lnsm.features import Targets, decode, encode, encode_targets
 from standing import goals_at, random_animator, seated_pose
 
 
@@ -22,7 +16,7 @@ def standing(x=0.0, z=0.0, yaw=0.0):
 def encoded(figure, characters, goals):
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
-    return encode(figure, characters, goals, positions, root), positions, root
+    return encode(characters, goals, positions, root), positions, root
 
 
 def test_widths_are_as_configured():

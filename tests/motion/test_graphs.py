@@ -5,39 +5,39 @@ import pytest
 import torch
 from roam_motion.animation.advance import advance
 from roam_motion.animation.blending import WHOLE
-from roam_motion.animation.features import Goals, network_config
 from roam_motion.animation.living import WIDTH, Life, alive, gazed
+from roam_motion.animation.prediction import Goals
 from roam_motion.animation.rows import join, split_array, split_tensor
 from roam_motion.animation.state import Characters, characters_width
 from roam_motion.animation.swing import swinging, walking
 from roam_motion.animator import Goal
-from roam_motion.control.controller import Command, goals_of
-from roam_motion.control.seat import seat_of
+from roam_motion.control.actions import seat_of
+from roam_motion.control.controller import GoalRows
 from roam_motion.graphs import Graphs
-from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
-from roam_motion.models.lnsm.prediction import Prediction
-from standing import random_animator, seated_pose
+from standing import random_animator, random_model, seated_pose
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 70])
 def test_graphs_do_what_the_step_of_training_does(count):
     animator = random_animator()
     figure = animator.figure
-    config = network_config(figure.joint_count, experts=3, encoding=16, hidden=16)
-    normaliser = Normaliser(config)
-    normaliser.get_buffer("output_std").fill_(0.01)
-    prediction = Prediction(MotionNetwork(config), normaliser)
+    prediction = random_model(seed=1).predictor()
     states = [animator.start((0.3 * i, -0.1 * i), 0.2 * i, i) for i in range(count)]
     seat = seat_of(figure, Goal(seated_pose(ahead=0.2)), (0.0, 0.0))
     places, directions = np.full((13, 2), 0.4, np.float32), np.tile(np.float32([0.0, 1.0]), (13, 1))
-    commands = [Command(places, directions, 1 + i % 2, bool(i % 2), seat if i % 2 else None) for i in range(count)]
-    rows, goals = np.stack([s.row for s in states]), goals_of(figure, commands)
+    goals = GoalRows(figure, count)
+    for i in range(count):
+        if i % 2:
+            goals.take(i, seat, "sit", 0.0, None)
+        else:
+            goals.go(i, places, directions, "walk", None)
+    rows = np.stack([s.row for s in states])
     life = np.random.default_rng(0).random((count, WIDTH)).astype(np.float32)
-    shown = Graphs(figure, prediction, WHOLE).step(rows, goals, life, None)
+    shown = Graphs(figure, prediction, WHOLE).step(rows, goals.rows, life, None)
     with torch.no_grad():
         characters = Characters.of(torch.from_numpy(rows))
         after, joints, _ = advance(
-            figure, prediction, characters, Goals.of(torch.from_numpy(goals), figure.joint_count)
+            figure, prediction, characters, Goals.of(torch.from_numpy(goals.rows), figure.joint_count)
         )
         told = Life.of(torch.from_numpy(life))
         after.gaze = gazed(figure, after, joints, told)

@@ -7,11 +7,13 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from prometheus_client import CollectorRegistry
-from roam.v1 import motion_pb2, skeleton_pb2
+from requests_of import steer
 from roam_motion.session.application import MotionApplication
 from roam_motion.session.ownership import Ownership
+from roam_motion.session.records import SessionRequest
 from roam_motion.session.session import FrameRecord
 from roam_motion.session.store.memory import MemoryStore
+from roam_motion.session.stream import Pacing, StreamOptions
 from roam_motion.settings import MotionSettings
 from walker import Place, Walker
 
@@ -44,18 +46,17 @@ class LifeOfASession(RuleBasedStateMachine):
     @initialize()
     def create(self):
         self.replica = self.made()
-        self.session = self.run(self.replica.create_session(motion_pb2.CreateSessionRequest(request_id="one")))
+        self.session = self.run(self.replica.create_session(SessionRequest(request_id="one")))
         self.name, self.token = self.session.name, self.session.record.resume_token
 
     def made(self):
         replica = MotionApplication(
             Walker(),
             Walker.skeleton,
-            skeleton_pb2.Skeleton(id="s"),
             SETTINGS,
             CollectorRegistry(),
             store=self.store,
-            restore=Place.from_bytes,
+            restore=Place.joined,
         )
         self.run(replica.ownership.renew())
         return replica
@@ -63,9 +64,7 @@ class LifeOfASession(RuleBasedStateMachine):
     @rule(velocity=st.integers(-5, 5))
     def steer(self, velocity):
         control_id = len(self.controls) + 1
-        steer = motion_pb2.Steer(velocity_x=velocity)
-        control = motion_pb2.ControlInput(control_id=control_id, steer=steer)
-        effective = self.run(self.replica.control(self.name, control))
+        effective = self.run(self.replica.control(self.name, steer(control_id, velocity)))
         assert effective > max(self.seen, default=0)
         self.controls[control_id] = effective, velocity
 
@@ -73,12 +72,11 @@ class LifeOfASession(RuleBasedStateMachine):
     @rule(data=st.data())
     def send_a_control_again(self, data):
         control_id = data.draw(st.sampled_from(sorted(self.controls)))
-        again = motion_pb2.ControlInput(control_id=control_id, steer=motion_pb2.Steer(velocity_x=9))
-        assert self.run(self.replica.control(self.name, again)) == self.controls[control_id][0]
+        assert self.run(self.replica.control(self.name, steer(control_id, 9))) == self.controls[control_id][0]
 
     @rule()
     def create_again(self):
-        again = self.run(self.replica.create_session(motion_pb2.CreateSessionRequest(request_id="one")))
+        again = self.run(self.replica.create_session(SessionRequest(request_id="one")))
         assert again.name == self.name
 
     @rule(frames=st.integers(1, 7))
@@ -89,9 +87,7 @@ class LifeOfASession(RuleBasedStateMachine):
         if self.connection is None:
             last = max(self.seen, default=0)
             token = self.token if last else ""
-            burst = motion_pb2.PACING_BURST
-            opening = motion_pb2.Open(session=self.name, after_sequence=last, resume_token=token, pacing=burst)
-            self.connection = self.replica.stream(opening)
+            self.connection = self.replica.stream(self.name, StreamOptions(Pacing.BURST, last, token))
             self.stream = await self.connection.__aenter__()
             start = await anext(self.stream)
             assert not start.discontinuity or not last

@@ -6,8 +6,10 @@ import pytest
 import torch
 from leaning import leaning_clip
 from roam_character.skeleton import humanoid_skeleton
-from roam_motion.animation.features import Inputs, encode, encode_targets
+from roam_motion.actions import SIT
 from roam_motion.animation.figure import humanoid_figure
+from roam_motion.animation.state import DIRECTION, PHASE, PLACE
+from roam_motion.models.lnsm.features import Inputs, encode, encode_targets
 from roam_motion.training.dataset import build
 from roam_motion.training.episodes import locomotion
 from roam_motion.training.loop import Memory, TrainingConfig, column_weights, fit_normaliser, learn, make_learner
@@ -41,20 +43,21 @@ def turns(values):
 
 def floor(values):
     out = values.clone()
-    out[..., 0], out[..., 2] = -values[..., 0], -values[..., 2]
+    for part in (PLACE, DIRECTION):
+        out[..., part.start] *= -1
     return out
 
 
 def series(values):
     out = floor(values)
-    out[..., 8] += 0.5
+    out[..., PHASE] += 0.5
     return out
 
 
 def states(dataset):
     at = torch.tensor([70, 80, 95])
     characters = dataset.characters(FIGURE, at)
-    one = goals_at(seated_pose(ahead=0.5), 2, active=True)
+    one = goals_at(seated_pose(ahead=0.5), SIT.column, active=True)
     goals = replace(dataset.goals(at), **{k: v.expand(3, *v.shape[1:]) for k, v in vars(one).items() if k != "feet"})
     other = replace(
         characters,
@@ -77,7 +80,7 @@ def states(dataset):
 
 def encoded(characters, goals):
     positions = FIGURE.positions(characters.hips, characters.orientations)
-    return encode(FIGURE, characters, goals, positions, FIGURE.frame(positions))
+    return encode(characters, goals, positions, FIGURE.frame(positions))
 
 
 def test_inputs_of_a_mirrored_state_are_the_mirrored_inputs(dataset):

@@ -1,19 +1,18 @@
 """Outlines of furniture on their way from a control to the walker's goal."""
 
 from base64 import b64encode
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from roam.v1 import motion_pb2, skeleton_pb2
 from roam_character.skeleton import humanoid_skeleton
 from roam_character.wire import pack_float32
-from roam_motion.api.messages import control_change
+from roam_motion.api.messages import control_request
 from roam_motion.api.schemas import ControlJson
 from roam_serving.errors import ServiceError
 from standing import seated_pose
 
-SESSION = SimpleNamespace(skeleton=humanoid_skeleton(), floor_height=0.0)
+SKELETON = humanoid_skeleton()
 SQUARE = [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]
 
 
@@ -26,7 +25,7 @@ def goal_with(*outlines, volume=None):
 
 
 def test_outlines_become_the_goals_obstacles():
-    change = control_change(goal_with(SQUARE, [*SQUARE[:6]]), SESSION)
+    change = control_request(goal_with(SQUARE, [*SQUARE[:6]]), SKELETON).change
     assert change.intent.obstacles[0] == ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
     assert len(change.intent.obstacles[1]) == 3
 
@@ -36,7 +35,7 @@ def test_outlines_become_the_goals_obstacles():
 )
 def test_what_is_no_polygon_is_refused_by_name(corners):
     with pytest.raises(ServiceError) as error:
-        control_change(goal_with(SQUARE, corners), SESSION)
+        control_request(goal_with(SQUARE, corners), SKELETON)
     assert error.value.field == "control.goal.obstacles[1]"
 
 
@@ -46,8 +45,8 @@ def test_json_carries_corner_pairs():
         "pose": {"root_position": pose.root_position.tolist(), "rotations": pose.rotations.tolist()},
         "obstacles": [[[0, 0], [1, 0], [1, 1]]],
     }
-    message = ControlJson.model_validate({"goal": goal}).message()
-    assert list(message.goal.obstacles[0].corners) == [0, 0, 1, 0, 1, 1]
+    change = ControlJson.model_validate({"goal": goal}).request(SKELETON).change
+    assert change.intent.obstacles == (((0, 0), (1, 0), (1, 1)),)
 
 
 def grid(**changes):
@@ -58,8 +57,8 @@ def grid(**changes):
 
 
 def test_a_volume_comes_with_its_floor_at_zero():
-    session = SimpleNamespace(skeleton=humanoid_skeleton(), floor_height=0.25)
-    volume = control_change(goal_with(volume=grid()), session).intent.volume
+    change = control_request(goal_with(volume=grid()), SKELETON).change
+    volume = change.lowered(floor_height=0.25).intent.volume
     np.testing.assert_allclose(volume.origin, [1, 1.75, 3])
     assert volume.values.shape == (2, 3, 4)
     assert volume.values[1, 2, 3] == 23
@@ -71,7 +70,7 @@ def test_a_volume_comes_with_its_floor_at_zero():
 )
 def test_what_is_no_volume_is_refused_by_name(changes):
     with pytest.raises(ServiceError) as error:
-        control_change(goal_with(volume=grid(**changes)), SESSION)
+        control_request(goal_with(volume=grid(**changes)), SKELETON)
     assert error.value.field == "control.goal.volume"
 
 
@@ -82,4 +81,6 @@ def test_json_carries_volumes_in_base64():
         "volume": {"origin": [1, 2, 3], "pitch": 0.04, "yaw": 0.5, "size": [2, 3, 4],
                    "values": b64encode(sent.values).decode()},
     }  # fmt: skip
-    assert ControlJson.model_validate({"goal": goal}).message().goal.volume == sent
+    by_json = ControlJson.model_validate({"goal": goal}).request(SKELETON).change.intent.volume
+    by_protobuf = control_request(goal_with(volume=sent), SKELETON).change.intent.volume
+    assert by_json.packed == by_protobuf.packed

@@ -5,18 +5,19 @@ from itertools import pairwise
 
 import pytest
 from prometheus_client import CollectorRegistry
-from roam.v1 import motion_pb2, skeleton_pb2
+from requests_of import steer
 from roam_motion.errors import SESSION_ELSEWHERE, STORE_DOWN
 from roam_motion.session.application import MotionApplication
+from roam_motion.session.records import Event, EventKind, SessionRequest
 from roam_motion.session.session import FrameRecord
 from roam_motion.session.store.base import StoreDownError
 from roam_motion.session.store.memory import MemoryStore
-from roam_motion.session.stream import StreamStart
+from roam_motion.session.stream import Pacing, StreamOptions, StreamStart
 from roam_motion.settings import MotionSettings
 from roam_serving.errors import ServiceError
 from walker import Place, Walker
 
-BURST = motion_pb2.PACING_BURST
+BURST = Pacing.BURST
 LEASE = 0.15
 
 
@@ -53,11 +54,10 @@ async def replica(store):
         replica = MotionApplication(
             Walker(),
             Walker.skeleton,
-            skeleton_pb2.Skeleton(id="s"),
             settings,
             CollectorRegistry(),
             store=store,
-            restore=Place.from_bytes,
+            restore=Place.joined,
             build=build,
         )
         made.append(replica)
@@ -77,16 +77,12 @@ async def die(replica):
 
 
 async def create(replica, **fields):
-    return await replica.create_session(motion_pb2.CreateSessionRequest(**fields))
-
-
-def steer(control_id, x):
-    return motion_pb2.ControlInput(control_id=control_id, steer=motion_pb2.Steer(velocity_x=x))
+    return await replica.create_session(SessionRequest(**fields))
 
 
 def opening(session, after=0, pacing=BURST):
     token = session.record.resume_token if after else ""
-    return motion_pb2.Open(session=session.name, after_sequence=after, resume_token=token, pacing=pacing)
+    return session.name, StreamOptions(pacing, after, token)
 
 
 async def read(stream, until):
@@ -108,13 +104,13 @@ async def test_after_the_owners_death_the_way_goes_on_unbroken(replica):
     first, second = await replica(), await replica()
     session = await create(first)
     await first.control(session.name, steer(1, 3.0))
-    async with first.stream(opening(session)) as stream:
+    async with first.stream(*opening(session)) as stream:
         early = await read(stream, 6)
         turned = await first.control(session.name, steer(2, -6.0))
         early += await read(stream, turned + 3)
     last = early[-1].sequence
     await die(first)
-    async with second.stream(opening(session, after=last)) as stream:
+    async with second.stream(*opening(session, after=last)) as stream:
         start = await anext(stream)
         assert start == StreamStart(last + 1, discontinuity=False)
         late = await read(stream, last + 10)
@@ -131,7 +127,7 @@ async def test_a_control_that_was_answered_survives_and_keeps_its_answer(replica
     answer = await first.control(session.name, steer(7, 3.0))
     await die(first)
     assert await second.control(session.name, steer(7, 9.0)) == answer
-    async with second.stream(opening(session)) as stream:
+    async with second.stream(*opening(session)) as stream:
         records = await read(stream, 2)
     assert way(records) == pytest.approx([0.1, 0.2])
 
@@ -140,11 +136,11 @@ async def test_a_reader_gets_frames_from_before_the_newest_snapshot(replica):
     first, second = await replica(), await replica()
     session = await create(first)
     await first.control(session.name, steer(1, 3.0))
-    async with first.stream(opening(session)) as stream:
+    async with first.stream(*opening(session)) as stream:
         await read(stream, 30)
     await die(first)
     assert (await second.get_session(session.name)).sequence > 3  # claimed at its newest snapshot
-    async with second.stream(opening(session, after=3)) as stream:
+    async with second.stream(*opening(session, after=3)) as stream:
         assert await anext(stream) == StreamStart(4, discontinuity=False)
         assert way(await read(stream, 12)) == pytest.approx([0.1 * n for n in range(4, 13)], abs=1e-5)
 
@@ -152,12 +148,12 @@ async def test_a_reader_gets_frames_from_before_the_newest_snapshot(replica):
 async def test_two_readers_come_back_one_further_than_the_other(replica):
     first, second = await replica(), await replica()
     session = await create(first)
-    async with first.stream(opening(session)) as stream:
+    async with first.stream(*opening(session)) as stream:
         await read(stream, 20)
     await die(first)
     async with (
-        second.stream(opening(session, after=9, pacing=motion_pb2.PACING_REALTIME)) as behind,
-        second.stream(opening(session, after=20, pacing=motion_pb2.PACING_REALTIME)) as ahead,
+        second.stream(*opening(session, after=9, pacing=Pacing.REALTIME)) as behind,
+        second.stream(*opening(session, after=20, pacing=Pacing.REALTIME)) as ahead,
     ):
         assert [record.sequence for record in await read(ahead, 21)] == [21]
         assert [record.sequence for record in await read(behind, 20)][:11] == list(range(10, 21))
@@ -176,12 +172,12 @@ async def test_a_living_owner_is_left_alone_unless_a_reader_comes_back_elsewhere
     with pytest.raises(ServiceError) as caught:
         await second.control(session.name, steer(1, 1.0))
     assert caught.value.kind is SESSION_ELSEWHERE
-    async with first.stream(opening(session)) as old:
+    async with first.stream(*opening(session)) as old:
         await read(old, 5)
-        async with second.stream(opening(session, after=5)) as new:
+        async with second.stream(*opening(session, after=5)) as new:
             assert (await read(new, 6))[0].sequence == 6
-        kinds = [item.type async for item in old if isinstance(item, motion_pb2.SessionEvent)]
-    assert kinds[-1] == motion_pb2.EVENT_TYPE_DRAINING
+        kinds = [item.kind async for item in old if isinstance(item, Event)]
+    assert kinds[-1] == EventKind.DRAINING
     assert [len(first.sessions), len(second.sessions)] == [0, 1]
 
 
@@ -197,7 +193,7 @@ async def test_behind_a_gateway_a_session_comes_home_with_its_next_request(repli
 async def test_an_owner_that_hung_moves_nothing_and_learns_that_it_lost(replica):
     first, second = await replica(), await replica()
     session = await create(first)
-    async with first.stream(opening(session)) as stream:
+    async with first.stream(*opening(session)) as stream:
         await read(stream, 4)
         first._tasks[0].cancel()  # renews no more, ticks on
         await asyncio.sleep(LEASE * 1.2)
@@ -213,7 +209,7 @@ async def test_an_owner_that_hung_moves_nothing_and_learns_that_it_lost(replica)
 async def test_no_frame_moves_while_the_store_is_down_and_all_goes_on_after(replica, store):
     only = await replica()
     session = await create(only)
-    async with only.stream(opening(session)) as stream:
+    async with only.stream(*opening(session)) as stream:
         await read(stream, 4)
         store.down = True
         with pytest.raises(ServiceError) as caught:
@@ -232,7 +228,7 @@ async def test_no_frame_moves_while_the_store_is_down_and_all_goes_on_after(repl
 async def test_draining_hands_over_at_once(replica):
     first, second = await replica(), await replica()
     session = await create(first)
-    async with first.stream(opening(session)) as stream:
+    async with first.stream(*opening(session)) as stream:
         await read(stream, 10)
         at = session.sequence
         await first.drain()

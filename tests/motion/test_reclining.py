@@ -12,14 +12,13 @@ from roam_motion.animation.collision import furniture_of
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import characters_width
 from roam_motion.animator import Animator, CharacterState
+from roam_motion.control.actions import seat_of, transition
 from roam_motion.control.controller import INTERACT, RISE, Body, Control
 from roam_motion.control.intent import Goal, Idle
 from roam_motion.control.planner import Plan
-from roam_motion.control.reclining import reclining_of
-from roam_motion.control.seat import seat_of
 from standing import controlled
-from test_clearance import box
-from test_step import WEIGHTS, played
+from test_animator import WEIGHTS, played
+from test_collision import box
 
 FIGURE = humanoid_figure()
 NAMES = FIGURE.skeleton
@@ -59,7 +58,7 @@ def bed(wall=None):
 
 def way(goal=None, place=(2.0, 0.0)):
     goal = goal or bed()
-    return reclining_of(FIGURE, seat_of(FIGURE, goal, place))
+    return transition(FIGURE, seat_of(FIGURE, goal, place))
 
 
 def gaps(positions):
@@ -76,8 +75,7 @@ def test_the_way_begins_seated_on_the_edge_and_ends_in_the_goal(place):
     reclining = way(place=place)
     sign = np.sign(place[0])
     edge, goal = reclining.at(0), reclining.at(reclining.last)
-    assert goal.lying
-    assert not edge.lying
+    assert (edge.action, goal.action) == ("sit", "lie")
     np.testing.assert_array_equal(reclining.positions[-1], goal.positions)
     np.testing.assert_allclose(edge.root[2:], [sign, 0.0], atol=0.02)  # faces the open side
     assert 0.1 < sign * edge.positions[0, 0] < 0.5  # hips over the bed
@@ -112,7 +110,7 @@ def obedient(state, intent, frames):
     for _ in range(frames):
         body = Body(*map(float, state.seat.stand[:2]), 0.0, 0.93)
         if shown and shown[-1][1].active:
-            hips = shown[-1][1].seat.positions[0]
+            hips = shown[-1][1].pose[0]
             body = Body(float(hips[0]), float(hips[2]), 0.0, float(hips[1]))
         state, command = controlled(state, intent, body)
         shown.append((state, command))
@@ -126,13 +124,13 @@ def test_control_sits_lies_and_gets_up_the_same_way():
     seat = seat_of(FIGURE, goal, (2.0, 0.0))
     state, down = obedient(Control(Plan(0, 0), INTERACT, seat), goal, 200)
     assert state.along == way().last
-    assert down[0][1].action == 2
-    assert down[-1][1].action == 3
-    np.testing.assert_array_equal(down[-1][1].seat.positions, seat.positions)
+    assert down[0][1].style == "sit"
+    assert down[-1][1].style == "lie"
+    np.testing.assert_array_equal(down[-1][1].pose, seat.positions)
     assert down[-1][1].urgency == 0.0
     state, up = obedient(state, Idle(), 250)
-    lowest = [command.seat.positions[0] for _, command in up if command.active]
-    np.testing.assert_allclose(lowest[-1], way().edge.positions[0], atol=1e-6)
+    lowest = [command.pose[0] for _, command in up if command.active]
+    np.testing.assert_allclose(lowest[-1], way().entry.positions[0], atol=1e-6)
     assert len(up) < 200
     assert state.mode not in (INTERACT, RISE)
 
@@ -146,7 +144,7 @@ def test_whoever_is_called_while_lying_down_turns_round_without_a_jump():
     ).control
     assert (again.along, again.pace) == (state.along, state.pace)
     _, up = obedient(state, Idle(), 30)
-    shown = np.stack([command.seat.positions for _, command in [*down[-30:], *up] if command.active])
+    shown = np.stack([command.pose for _, command in [*down[-30:], *up] if command.active])
     assert np.linalg.norm(np.diff(shown, axis=0), axis=-1).max() < 0.08
     assert up[-1][0].along < state.along
 

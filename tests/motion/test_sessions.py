@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
+from requests_of import steer
 from roam.v1 import motion_pb2, skeleton_pb2
 from roam_motion.animator import Idle, Steer
+from roam_motion.api.messages import control_request, session_request
 from roam_motion.errors import SESSION_NOT_FOUND, SESSION_QUOTA
 from roam_motion.session.application import MotionApplication
-from roam_motion.session.arrival import GoalWatch
+from roam_motion.session.records import SessionRequest
+from roam_motion.session.session import ArrivalDetector
+from roam_motion.session.stream import StreamOptions
 from roam_motion.settings import MotionSettings
 from roam_serving.errors import ServiceError
 from walker import Place, Walker
@@ -31,11 +35,10 @@ async def application(clock):
     application = MotionApplication(
         Walker(),
         Walker.skeleton,
-        skeleton_pb2.Skeleton(id="s"),
         settings,
         CollectorRegistry(),
         clock=clock,
-        restore=Place.from_bytes,
+        restore=Place.joined,
     )
     await application.ownership.renew()
     yield application
@@ -43,11 +46,20 @@ async def application(clock):
 
 
 async def create(application, **fields):
-    return await application.create_session(motion_pb2.CreateSessionRequest(**fields))
+    return await application.create_session(SessionRequest(**fields))
 
 
-def steer(control_id, x=1.0, **fields):
-    return motion_pb2.ControlInput(control_id=control_id, steer=motion_pb2.Steer(velocity_x=x, **fields))
+async def create_by_message(application, **fields):
+    message = motion_pb2.CreateSessionRequest(**fields)
+    return await application.create_session(session_request(message, application.skeleton))
+
+
+async def control_by_message(application, session, message):
+    return await application.control(session.name, control_request(message, application.skeleton))
+
+
+def steering(x=1.0, **fields):
+    return motion_pb2.ControlInput(control_id=1, steer=motion_pb2.Steer(velocity_x=x, **fields))
 
 
 async def refusal(function, *arguments, **fields):
@@ -73,7 +85,7 @@ async def test_a_deleted_session_is_gone(application):
 
 async def test_idle_sessions_are_reclaimed_and_connected_ones_kept(application, clock):
     idle, watched = await create(application), await create(application)
-    async with application.stream(motion_pb2.Open(session=watched.name)):
+    async with application.stream(watched.name, StreamOptions()):
         clock.now += 59
         application.ticker.sweep()
         assert len(application.sessions) == 2
@@ -136,8 +148,8 @@ async def test_control_id_0_takes_the_next_free_one(application):
 
 async def test_standing_still_is_idle(application):
     session = await create(application)
-    await application.control(session.name, steer(1))
-    await application.control(session.name, steer(2, x=0.0))
+    await application.control(session.name, steer(2))
+    await control_by_message(application, session, motion_pb2.ControlInput(steer=motion_pb2.Steer()))
     assert isinstance(session.intents(1)[0], Idle)
 
 
@@ -145,17 +157,17 @@ async def test_standing_still_is_idle(application):
     ("control", "field"),
     [
         (motion_pb2.ControlInput(control_id=1), "control.input"),
-        (steer(1, x=float("nan")), "control.steer.velocity_x"),
-        (steer(1, x=50.0), "control.steer.velocity_x"),
-        (steer(1, facing=float("inf")), "control.steer.facing"),
-        (steer(1, action=skeleton_pb2.ACTION_SIT), "control.steer.action"),
+        (steering(x=float("nan")), "control.steer.velocity_x"),
+        (steering(x=50.0), "control.steer.velocity_x"),
+        (steering(facing=float("inf")), "control.steer.facing"),
+        (steering(action=skeleton_pb2.ACTION_SIT), "control.steer.action"),
         (motion_pb2.ControlInput(goal=motion_pb2.Goal(action=skeleton_pb2.ACTION_WALK)), "control.goal.action"),
         (motion_pb2.ControlInput(goal=motion_pb2.Goal(action=skeleton_pb2.ACTION_SIT)), "control.goal.pose"),
     ],
 )
 async def test_a_bad_control_names_its_field_and_leaves_the_session_alone(application, control, field):
     session = await create(application)
-    assert (await refusal(application.control, session.name, control)).field == field
+    assert (await refusal(control_by_message, application, session, control)).field == field
     assert session.last_control_id == 0
     assert isinstance(session.intents(1)[0], Idle)
 
@@ -174,15 +186,15 @@ async def test_a_bad_control_names_its_field_and_leaves_the_session_alone(applic
 async def test_a_bad_goal_pose_is_refused(application, pose):
     session = await create(application)
     goal = motion_pb2.Goal(pose=pose, action=skeleton_pb2.ACTION_SIT)
-    error = await refusal(application.control, session.name, motion_pb2.ControlInput(goal=goal))
+    error = await refusal(control_by_message, application, session, motion_pb2.ControlInput(goal=goal))
     assert error.field.startswith("control.goal.pose")
 
 
 async def test_creation_checks_its_numbers(application):
     nan = float("nan")
-    assert (await refusal(create, application, floor_height=nan)).field == "floor_height"
+    assert (await refusal(create_by_message, application, floor_height=nan)).field == "floor_height"
     place = motion_pb2.Placement(x=1e9)
-    assert (await refusal(create, application, start_placement=place)).field == "start_placement.x"
+    assert (await refusal(create_by_message, application, start_placement=place)).field == "start_placement.x"
     assert (await refusal(create, application, request_id="x" * 65)).field == "request_id"
     assert (await refusal(create, application, skeleton_id="sha256:other")).field == "skeleton_id"
     assert len(application.sessions) == 0
@@ -192,14 +204,14 @@ async def test_start_from_a_pose_takes_its_place(application):
     walker = Walker()
     rotations = walker.skeleton.rest_rotations.astype("<f4").tobytes()
     pose = skeleton_pb2.Pose(root_position=np.array([2, 0.9, -1], "<f4").tobytes(), rotations=rotations)
-    session = await create(application, start_pose=pose)
+    session = await create_by_message(application, start_pose=pose)
     assert session.state.position == (2.0, -1.0)
 
 
 def test_a_goal_is_reached_once_when_near_and_still():
-    watch = GoalWatch(tolerance=0.05)
+    arrival = ArrivalDetector(tolerance=0.05)
     approach = [1.0, 0.5, 0.04, 0.02] + [0.01] * 30
-    assert [i for i, distance in enumerate(approach) if watch.reached(distance)] == [14]
-    watch.restart()
-    assert not any(watch.reached(0.2) for _ in range(30))
-    assert not any(watch.reached(None) for _ in range(30))
+    assert [i for i, distance in enumerate(approach) if arrival.reached(distance)] == [14]
+    arrival.restart()
+    assert not any(arrival.reached(0.2) for _ in range(30))
+    assert not any(arrival.reached(None) for _ in range(30))

@@ -6,6 +6,7 @@ from leaning import leaning_clip
 from roam_character.kinematics import facing
 from roam_character.rotation import yaw_direction
 from roam_character.skeleton import humanoid_skeleton
+from roam_motion.actions import SIT
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.training import labels
 from roam_motion.training.centre_of_mass import ahead_of_rear_ankle, centre_of_mass, lean
@@ -87,7 +88,7 @@ def test_commands_come_before_the_body_moves(ways):
         begins = int(np.flatnonzero(heights > 0.93)[np.flatnonzero(heights > 0.93) < active.mean()][-1])
         assert 3 <= begins - active[0] <= 25
         assert heights[active[-1]] == pytest.approx(float(episode.goals[0][0].hips[1]), abs=0.03)
-        assert (episode.intent[active] == 2).all()
+        assert (episode.intent[active] == SIT.column).all()
         assert (episode.goal[active[-1] + 1 :] <= 1).all()
 
 

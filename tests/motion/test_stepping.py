@@ -12,7 +12,8 @@ from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import Characters
 from roam_motion.animation.stepping import Steps, halted, pose_feet, rise, standing_height, step
 from roam_motion.animator import Animator, Goal, Idle, Steer
-from roam_motion.control.seat import footing, seat_of
+from roam_motion.control.actions import footing, seat_of
+from roam_motion.control.seat import resting
 from standing import goals_at, random_animator, seated_pose
 
 WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
@@ -109,12 +110,25 @@ def test_before_a_seat_feet_belong_where_the_goal_pose_has_them():
     seat = seat_of(FIGURE, Goal(seated_pose(ahead=1.0)), (0.0, 3.0))
     feet = footing(FIGURE, seat)
     assert feet is not None
-    np.testing.assert_allclose(feet[:, :2], seat.positions[ANKLES.numpy()][:, [0, 2]], atol=1e-6)
+    goals, hips = seat.positions[ANKLES.numpy()][:, [0, 2]], seat.positions[0, [0, 2]]
+    ahead = (feet[:, :2] - hips).mean(0) @ seat.stand[2:]
+    assert ahead == pytest.approx(0.34, abs=1e-5)  # the goal's are 0.40 m before its hips: nobody balances over those
+    np.testing.assert_allclose(feet[:, 0], goals[:, 0], atol=1e-6)
+    np.testing.assert_allclose(feet[:, 2:], [[0, 1], [0, 1]], atol=1e-6)
     behind = (seat.stand[:2] - feet[:, :2].mean(0)) @ seat.stand[2:]
     assert behind == pytest.approx(0.10, abs=1e-5)  # who stands there has its feet there
     raised = seat_of(FIGURE, Goal(seated_pose(seat=0.6, ahead=1.0)), (0.0, 3.0))
     assert footing(FIGURE, raised) is None
     assert not pose_feet(FIGURE, torch.from_numpy(raised.positions)[None]).any()
+
+
+def test_what_rests_on_furniture_is_told_from_the_goals_own_depths():
+    seat = seat_of(FIGURE, Goal(seated_pose()), (0.0, 3.0))
+    assert resting(FIGURE, seat) == (1.0, 1.0, 1.0)  # not known
+    depths = np.zeros(2 * 6 + 2 * 5 + 3, np.float32)
+    depths[6 + 4], depths[-2] = 0.01, 0.02  # the right hand's wrist, the upper chest
+    assert resting(FIGURE, replace(seat, depths=depths)) == (0.0, 1.0, 1.0)
+    assert resting(FIGURE, replace(seat, depths=0 * depths)) == (0.0, 0.0, 0.0)
 
 
 def test_feet_go_to_the_goals_before_the_hips_sink_and_stay_while_they_do():

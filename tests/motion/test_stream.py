@@ -4,19 +4,22 @@ import asyncio
 
 import pytest
 from prometheus_client import CollectorRegistry
-from roam.v1 import motion_pb2, skeleton_pb2
+from requests_of import playback, steer
+from roam.v1 import skeleton_pb2
+from roam_motion.api.messages import FrameFormat, response
 from roam_motion.errors import SEQUENCE_AHEAD
 from roam_motion.session.application import MotionApplication
+from roam_motion.session.records import EventKind, SessionRequest
 from roam_motion.session.session import FrameRecord
-from roam_motion.session.stream import StreamStart
+from roam_motion.session.stream import Pacing, StreamOptions, StreamStart
 from roam_motion.settings import MotionSettings
 from roam_serving.errors import ServiceError
 from walker import Place, Walker
 
-REALTIME, CREDIT, BURST = motion_pb2.PACING_REALTIME, motion_pb2.PACING_CREDIT, motion_pb2.PACING_BURST
-SKIPPED = motion_pb2.EVENT_TYPE_FRAMES_SKIPPED
-APPLIED = motion_pb2.EVENT_TYPE_CONTROL_APPLIED
-ENDED = motion_pb2.EVENT_TYPE_SESSION_ENDED
+REALTIME, CREDIT, BURST = Pacing.REALTIME, Pacing.CREDIT, Pacing.BURST
+SKIPPED = EventKind.FRAMES_SKIPPED
+APPLIED = EventKind.CONTROL_APPLIED
+ENDED = EventKind.SESSION_ENDED
 
 
 @pytest.fixture
@@ -26,10 +29,9 @@ async def application():
     application = MotionApplication(
         Walker(),
         Walker.skeleton,
-        skeleton_pb2.Skeleton(id="s"),
         settings,
         CollectorRegistry(),
-        restore=Place.from_bytes,
+        restore=Place.joined,
     )
     await application.ownership.renew()
     yield application
@@ -38,7 +40,7 @@ async def application():
 
 @pytest.fixture
 async def session(application):
-    return await application.create_session(motion_pb2.CreateSessionRequest())
+    return await application.create_session(SessionRequest())
 
 
 async def step(application, session, count=1):
@@ -59,16 +61,16 @@ async def take(stream):
         elif isinstance(item, StreamStart):
             taken.append(("start", item.first_sequence, item.discontinuity))
         else:
-            taken.append((item.type, item.sequence))
+            taken.append((item.kind, item.sequence))
 
 
 def opening(session, pacing, **fields):
-    return motion_pb2.Open(session=session.name, pacing=pacing, **fields)
+    return session.name, StreamOptions(pacing, **fields)
 
 
 async def test_realtime_gives_the_newest_frame_and_says_what_was_skipped(application, session):
     await step(application, session, 2)
-    async with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(*opening(session, REALTIME)) as stream:
         assert await take(stream) == [("start", 3, False)]
         await step(application, session)
         assert await take(stream) == [3]
@@ -79,7 +81,7 @@ async def test_realtime_gives_the_newest_frame_and_says_what_was_skipped(applica
 
 
 async def test_the_skipped_count_is_exact(application, session):
-    async with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(*opening(session, REALTIME)) as stream:
         await anext(stream)
         await step(application, session, 5)
         event = await anext(stream)
@@ -87,7 +89,7 @@ async def test_the_skipped_count_is_exact(application, session):
 
 
 async def test_a_reader_that_acknowledges_gets_a_window(application, session):
-    async with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(*opening(session, REALTIME)) as stream:
         stream.acknowledge(0, 0)
         taken = await take(stream)
         for _ in range(10):
@@ -100,12 +102,12 @@ async def test_a_reader_that_acknowledges_gets_a_window(application, session):
 
 async def test_realtime_after_a_break_gets_what_it_missed_then_the_newest(application, session):
     await step(application, session, 6)
-    async with application.stream(opening(session, REALTIME, after_sequence=3)) as stream:
+    async with application.stream(*opening(session, REALTIME, after_sequence=3)) as stream:
         assert await take(stream) == [("start", 4, False), 4, 5, 6]
 
 
 async def test_credit_moves_the_session_exactly_as_far_as_granted(application, session):
-    async with application.stream(opening(session, CREDIT, credit=2)) as stream:
+    async with application.stream(*opening(session, CREDIT, credit=2)) as stream:
         taken = [*await take(stream)]
         while session.wants(tick=True):
             await step(application, session)
@@ -119,7 +121,7 @@ async def test_credit_moves_the_session_exactly_as_far_as_granted(application, s
 
 
 async def test_burst_runs_ahead_of_its_reader_only_as_far_as_allowed(application, session):
-    async with application.stream(opening(session, BURST)) as stream:
+    async with application.stream(*opening(session, BURST)) as stream:
         assert await take(stream) == [("start", 1, False)]
         while session.wants(tick=False):
             await step(application, session)
@@ -130,8 +132,8 @@ async def test_burst_runs_ahead_of_its_reader_only_as_far_as_allowed(application
 
 async def test_no_frame_is_skipped_for_the_slower_of_two_bakers(application, session):
     async with (
-        application.stream(opening(session, BURST)) as fast,
-        application.stream(opening(session, BURST)) as slow,
+        application.stream(*opening(session, BURST)) as fast,
+        application.stream(*opening(session, BURST)) as slow,
     ):
         taken = []
         for _ in range(50):
@@ -144,49 +146,46 @@ async def test_no_frame_is_skipped_for_the_slower_of_two_bakers(application, ses
 
 async def test_resume_from_the_ring_is_seamless_and_says_when_it_is_not(application, session):
     await step(application, session, 10)  # the ring keeps 3..10
-    async with application.stream(opening(session, BURST, after_sequence=5)) as stream:
+    async with application.stream(*opening(session, BURST, after_sequence=5)) as stream:
         assert await take(stream) == [("start", 6, False), 6, 7, 8, 9, 10]
-    async with application.stream(opening(session, BURST, after_sequence=1)) as stream:
+    async with application.stream(*opening(session, BURST, after_sequence=1)) as stream:
         assert await take(stream) == [("start", 3, True), 3, 4, 5, 6, 7, 8, 9, 10]
 
 
 async def test_a_stream_cannot_start_in_the_future_or_with_a_foreign_token(application, session):
     with pytest.raises(ServiceError) as caught:
-        async with application.stream(opening(session, BURST, after_sequence=1)):
+        async with application.stream(*opening(session, BURST, after_sequence=1)):
             pass
     assert caught.value.kind is SEQUENCE_AHEAD
     with pytest.raises(ServiceError) as caught:
-        async with application.stream(opening(session, BURST, resume_token="other")):
+        async with application.stream(*opening(session, BURST, resume_token="other")):
             pass
     assert caught.value.field == "open.resume_token"
-    async with application.stream(opening(session, BURST, resume_token=session.record.resume_token)):
+    async with application.stream(*opening(session, BURST, resume_token=session.record.resume_token)):
         pass
 
 
 async def test_nobody_watching_nobody_moving(application, session):
     assert not session.wants(tick=True)
-    async with application.stream(opening(session, REALTIME)):
+    async with application.stream(*opening(session, REALTIME)):
         assert session.wants(tick=True)
         assert not session.wants(tick=False)
-        pause = motion_pb2.ControlInput(control_id=1, playback=motion_pb2.Playback(paused=True))
-        await application.control(session.name, pause)
+        await application.control(session.name, playback(1, paused=True))
         assert not session.wants(tick=True)
-        resume = motion_pb2.ControlInput(control_id=2, playback=motion_pb2.Playback(paused=False))
-        await application.control(session.name, resume)
+        await application.control(session.name, playback(2, paused=False))
         assert session.wants(tick=True)
     assert not session.wants(tick=True)
 
 
 async def test_controls_are_confirmed_on_every_stream(application, session):
-    async with application.stream(opening(session, BURST)) as stream:
+    async with application.stream(*opening(session, BURST)) as stream:
         await take(stream)
-        steer = motion_pb2.ControlInput(control_id=9, steer=motion_pb2.Steer(velocity_x=1))
-        await application.control(session.name, steer)
+        await application.control(session.name, steer(9))
         assert await take(stream) == [(APPLIED, 1)]
 
 
 async def test_deleting_a_session_ends_its_streams(application, session):
-    async with application.stream(opening(session, BURST)) as stream:
+    async with application.stream(*opening(session, BURST)) as stream:
         await take(stream)
         await application.delete_session(session.name)
         assert await take(stream) == [(ENDED, 0)]
@@ -195,24 +194,25 @@ async def test_deleting_a_session_ends_its_streams(application, session):
 
 
 async def test_draining_tells_readers_and_takes_no_more(application, session):
-    async with application.stream(opening(session, REALTIME)) as stream:
+    async with application.stream(*opening(session, REALTIME)) as stream:
         await take(stream)
         await application.drain()
-        assert await take(stream) == [(motion_pb2.EVENT_TYPE_DRAINING, 0)]
+        assert await take(stream) == [(EventKind.DRAINING, 0)]
     with pytest.raises(ServiceError) as caught:
-        async with application.stream(opening(session, REALTIME)):
+        async with application.stream(*opening(session, REALTIME)):
             pass
     assert caught.value.kind.reason == "DRAINING"
 
 
 async def test_many_readers_share_one_packing(application, session):
     async with (
-        application.stream(opening(session, BURST)) as one,
-        application.stream(opening(session, BURST)) as two,
+        application.stream(*opening(session, BURST)) as one,
+        application.stream(*opening(session, BURST)) as two,
     ):
         await take(one)
         await take(two)
         await step(application, session)
-        frames = [application.response(stream, await anext(stream)) for stream in (one, two)]
+        form, skeleton = FrameFormat(), skeleton_pb2.Skeleton(id="s")
+        frames = [response(stream, await anext(stream), form, skeleton) for stream in (one, two)]
     assert frames[0] == frames[1]
     assert len(session.ring[0].packed) == 1

@@ -6,6 +6,7 @@ import grpc
 import httpx
 import pytest
 from roam.v1 import motion_pb2, motion_pb2_grpc
+from roam_motion.session.stream import StreamOptions
 
 
 @pytest.fixture
@@ -49,8 +50,7 @@ async def test_first_frame_intervals_and_resumes_are_counted(http, motion_addres
 async def test_skipped_frames_are_counted(http, motion_service):
     name = (await http.post("/v1/sessions")).json()["name"]
     application = motion_service._loaded()
-    opening = motion_pb2.Open(session=name, pacing=motion_pb2.PACING_REALTIME)
-    async with application.stream(opening) as slow:
+    async with application.stream(name, StreamOptions()) as slow:
         await anext(slow)
         while slow.session.sequence < 5:
             await application.ticker.step([slow.session])

@@ -4,11 +4,10 @@ from dataclasses import dataclass, field
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from roam.v1 import motion_pb2
 from roam_motion.animator import Idle
+from roam_motion.session.records import EventKind, SessionRecord
 from roam_motion.session.session import FrameRecord, Session
-from roam_motion.session.store.base import SessionRecord
-from roam_motion.session.stream import FrameStream, StreamOptions, StreamStart
+from roam_motion.session.stream import FrameStream, Pacing, StreamOptions, StreamStart
 from walker import Walker
 
 WALKER = Walker()
@@ -23,7 +22,7 @@ class Reader:
     """A client as the protocol describes it, over one session."""
 
     session: Session
-    pacing: int
+    pacing: Pacing
     taken: list[int] = field(default_factory=list)
     position: int = 0  # the last sequence that was received, or told to be skipped or lost
 
@@ -48,8 +47,8 @@ class Reader:
                 last = self.taken[-1] if self.taken else 0
                 assert item.discontinuity == (bool(last) and item.first_sequence > last + 1)
                 self.position = item.first_sequence - 1
-            elif item.type == motion_pb2.EVENT_TYPE_FRAMES_SKIPPED:
-                assert self.pacing == motion_pb2.PACING_REALTIME
+            elif item.kind is EventKind.FRAMES_SKIPPED:
+                assert self.pacing is Pacing.REALTIME
                 self.position += item.skipped_count
 
     def acknowledge(self):
@@ -82,7 +81,7 @@ def play(pacing, doings):
 @settings(max_examples=150, deadline=None)
 @given(DOINGS)
 def test_realtime_frames_rise_and_every_gap_is_counted(doings):
-    session, reader = play(motion_pb2.PACING_REALTIME, doings)
+    session, reader = play(Pacing.REALTIME, doings)
     assert reader.taken == sorted(set(reader.taken))
     assert reader.position <= session.sequence
 
@@ -90,7 +89,7 @@ def test_realtime_frames_rise_and_every_gap_is_counted(doings):
 @settings(max_examples=150, deadline=None)
 @given(DOINGS)
 def test_credit_gives_every_frame_exactly_once(doings):
-    session, reader = play(motion_pb2.PACING_CREDIT, doings)
+    session, reader = play(Pacing.CREDIT, doings)
     assert reader.taken == list(range(1, len(reader.taken) + 1))
     assert session.sequence - len(reader.taken) < RING
 
@@ -98,5 +97,5 @@ def test_credit_gives_every_frame_exactly_once(doings):
 @settings(max_examples=150, deadline=None)
 @given(DOINGS)
 def test_burst_gives_every_frame_exactly_once(doings):
-    session, reader = play(motion_pb2.PACING_BURST, doings)
+    session, reader = play(Pacing.BURST, doings)
     assert reader.taken == list(range(1, session.sequence + 1))

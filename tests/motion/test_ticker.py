@@ -6,9 +6,11 @@ import threading
 import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
-from roam.v1 import motion_pb2, skeleton_pb2
+from requests_of import steer
 from roam_motion.session.application import MotionApplication
+from roam_motion.session.records import EventKind, SessionRequest
 from roam_motion.session.session import FrameRecord
+from roam_motion.session.stream import Pacing, StreamOptions
 from roam_motion.session.ticker import Pace
 from roam_motion.settings import MotionSettings
 from walker import Place, Walker
@@ -24,10 +26,9 @@ async def application(walker):
     application = MotionApplication(
         walker,
         Walker.skeleton,
-        skeleton_pb2.Skeleton(id="s"),
         MotionSettings(burst_frames=4),
         CollectorRegistry(),
-        restore=Place.from_bytes,
+        restore=Place.joined,
     )
     await application.ownership.renew()
     yield application
@@ -35,11 +36,11 @@ async def application(walker):
 
 
 async def create(application, **fields):
-    return await application.create_session(motion_pb2.CreateSessionRequest(**fields))
+    return await application.create_session(SessionRequest(**fields))
 
 
 def burst(session):
-    return motion_pb2.Open(session=session.name, pacing=motion_pb2.PACING_BURST)
+    return session.name, StreamOptions(Pacing.BURST)
 
 
 async def frames(stream, count):
@@ -64,7 +65,7 @@ async def test_the_running_ticker_feeds_many_readers(application, walker):
     await application.start()
 
     async def read(session):
-        async with application.stream(burst(session)) as stream:
+        async with application.stream(*burst(session)) as stream:
             return [record.sequence for record in await frames(stream, 20)]
 
     for sequences in await asyncio.gather(*(read(session) for session in sessions)):
@@ -75,7 +76,7 @@ async def test_the_running_ticker_feeds_many_readers(application, walker):
 async def test_realtime_ticks_by_itself(application):
     session = await create(application)
     await application.start()
-    async with application.stream(motion_pb2.Open(session=session.name)) as stream:
+    async with application.stream(session.name, StreamOptions()) as stream:
         taken = await frames(stream, 3)
     assert taken[0].sequence == 1
     assert [record.sequence for record in taken] == sorted({record.sequence for record in taken})
@@ -84,11 +85,11 @@ async def test_realtime_ticks_by_itself(application):
 async def test_a_failing_session_ends_alone(application, walker):
     walker.poisoned_seed = 13
     good, bad = await create(application, seed=1), await create(application, seed=13)
-    async with application.stream(burst(bad)) as stream:
+    async with application.stream(*burst(bad)) as stream:
         await anext(stream)
         await application.ticker.step([good, bad])
         event = await anext(stream)
-    assert event.type == motion_pb2.EVENT_TYPE_SESSION_ENDED
+    assert event.kind is EventKind.SESSION_ENDED
     assert "ArithmeticError" in event.message
     assert good.sequence == 1
     assert [session.name for session in application.sessions] == [good.name]
@@ -107,9 +108,8 @@ async def test_a_session_deleted_during_its_step_stays_deleted(application, walk
 
 async def test_frames_do_not_depend_on_who_else_is_stepped(application):
     alone, together = await create(application, seed=1), await create(application, seed=1)
-    steer = motion_pb2.ControlInput(control_id=1, steer=motion_pb2.Steer(velocity_x=1, velocity_z=0.5))
     for session in (alone, together):
-        await application.control(session.name, steer)
+        await application.control(session.name, steer(1, 1.0, 0.5))
     others = [await create(application, seed=seed) for seed in range(2, 6)]
     for _ in range(5):
         await application.ticker.step([alone])

@@ -8,9 +8,9 @@ from roam_character.formats.bvh import write_bvh
 from roam_character.pose import rest_pose
 from roam_character.rotation import quat_slerp
 from roam_character.skeleton import humanoid_skeleton
-from roam_motion.animation.features import encode_targets
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
+from roam_motion.models.lnsm.features import encode_targets
 from roam_motion.training import labels, motion, publish
 from roam_motion.training.dataset import build
 from roam_motion.training.episodes import locomotion

@@ -7,8 +7,9 @@ from leaning import leaning_clip
 from roam_character.clip import Clip
 from roam_character.formats.bvh import write_bvh
 from roam_character.skeleton import humanoid_skeleton
+from roam_motion.actions import STYLES
 from roam_motion.animation.figure import humanoid_figure
-from roam_motion.training import labels, motion
+from roam_motion.training import motion
 from roam_motion.training.balance import GOING, TAKING, balanced, kinds_of_going
 from roam_motion.training.dataset import build
 from roam_motion.training.episodes import locomotion
@@ -39,7 +40,7 @@ def kinds(clip, label="walk"):
 def test_all_ways_of_going_about_are_locomotion(label):
     _, episode = kinds(gliding(np.full(40, 2.0)), label)
     assert len(episode.clip) == 40
-    assert episode.styles[:, labels.ACTIONS.index("idle" if label == "idle" else "walk")].min() > 0.99
+    assert episode.styles[:, STYLES.index("idle" if label == "idle" else "walk")].min() > 0.99
 
 
 def test_other_labels_are_not():

@@ -20,18 +20,23 @@ class Place:
     position: tuple[float, float]
     seed: int
 
-    def to_bytes(self):
-        return orjson.dumps([self.position, self.seed])
+    @property
+    def place(self):
+        return self.position
+
+    def split(self):
+        return orjson.dumps([self.position, self.seed]), None
 
     @staticmethod
-    def from_bytes(data):
+    def joined(data, volume):
+        assert volume is None
         position, seed = orjson.loads(data)
         return Place(tuple(position), seed)
 
 
 @dataclass
 class Walker:
-    """Implements motion.application.StepsCharacters without a network."""
+    """Implements `StepsCharacters` without a network."""
 
     batches: list[int] = field(default_factory=list)
     gate: threading.Event | None = None  # when set, every step waits for it

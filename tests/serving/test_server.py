@@ -56,7 +56,7 @@ async def test_binds_to_loopback_and_to_free_ports():
 async def test_a_taken_port_is_a_clear_error():
     async with running([Echo()], ServerSettings()) as addresses:
         port = int(addresses.http.rpartition(":")[2])
-        with pytest.raises(OSError, match="choose another --http-port"):
+        with pytest.raises(OSError, match="choose another HTTP port"):
             async with running([Echo()], ServerSettings(http_port=port)):
                 pass
 

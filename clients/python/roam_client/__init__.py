@@ -41,6 +41,7 @@ from roam_client.skeleton import Capsule, Skeleton, Tip
 from roam_client.sync_client import Client
 from roam_client.sync_session import Session
 from roam_client.sync_stream import Stream
+from roam_client.version import __version__
 
 __all__ = [
     "AccessDeniedError",
@@ -82,4 +83,5 @@ __all__ = [
     "UnavailableError",
     "Warning",
     "WireError",
+    "__version__",
 ]

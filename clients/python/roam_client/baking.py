@@ -1,4 +1,4 @@
-"""When a baked motion is complete: shared by both twins, does no input or output itself."""
+"""When a baked motion is complete: shared by both clients, does no input or output itself."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -133,7 +133,7 @@ def _unpack(details: Sequence[AnyMessage], kind: type[Any]) -> Any:
 
 
 def _details(error: Any) -> Sequence[AnyMessage]:
-    """The google.rpc.Status details that came with a gRPC error, of either twin."""
+    """The google.rpc.Status details that came with a gRPC error, of either client."""
     trailers = dict(error.trailing_metadata() or ())
     payload = trailers.get(_DETAILS)
     if not isinstance(payload, bytes):

@@ -22,6 +22,7 @@ class EventType(IntEnum):
     DRAINING = motion_pb2.EVENT_TYPE_DRAINING
     CONTROL_APPLIED = motion_pb2.EVENT_TYPE_CONTROL_APPLIED
     SESSION_ENDED = motion_pb2.EVENT_TYPE_SESSION_ENDED
+    WARNING = motion_pb2.EVENT_TYPE_WARNING
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ class Event:
     control_id: int = 0
     goal_pose: str = ""
     skipped_count: int = 0
+    reason: str = ""  # WARNING: SPEED_CUT, SEAT_TAKEN, START_IN_FURNITURE
 
     @classmethod
     def from_message(cls, message: motion_pb2.SessionEvent) -> Self:
@@ -109,4 +111,5 @@ class Event:
             control_id=message.control_id,
             goal_pose=message.goal_pose,
             skipped_count=message.skipped_count,
+            reason=message.reason,
         )

@@ -12,7 +12,11 @@ from roam.v1 import goal_pose_pb2, skeleton_pb2
 from roam_client.errors import FormatError
 from roam_client.packing import Floats
 
-FORMATS = ("obj", "glb", "gltf", "ply", "stl", "off", "xyz", "pcd", "npy")
+FORMATS = (
+    "obj", "glb", "gltf", "ply", "stl", "off", "xyz", "pcd", "npy", "usd", "usda", "usdc", "usdz", "fbx", "dae", "3mf",
+    "las", "laz", "e57", "pts", "csv", "asc", "txt", "vrm", "zip",
+)  # fmt: skip
+TEXTS = ("csv", "asc", "txt")  # may hold anything: read when they are named, not found in folders
 _CHUNK = 1 << 20  # bytes; the protocol's most per message
 
 
@@ -36,6 +40,15 @@ def outlines_from_messages(messages: Iterable[skeleton_pb2.Outline]) -> tuple[Fl
 
 
 @dataclass(frozen=True, eq=False)
+class Piece:
+    """One of several things in a file."""
+
+    name: str  # of its node or group, may be empty
+    chosen: bool  # whether the object is this one
+    bounds: npt.NDArray[np.float64]  # [2, 3] smallest, largest world coordinates [m]
+
+
+@dataclass(frozen=True, eq=False)
 class Object:
     """Geometry on the server, brought to metres with +Y up."""
 
@@ -49,6 +62,7 @@ class Object:
     point_count: int
     warnings: tuple[Warning, ...] = ()
     footprint: tuple[Floats, ...] = ()  # [K, 2] corners x, z [m] of outlines that it covers of the floor
+    pieces: tuple[Piece, ...] = ()  # of a file of several, in its order
 
     @classmethod
     def from_message(cls, message: goal_pose_pb2.Object) -> Self:
@@ -64,6 +78,10 @@ class Object:
             point_count=message.point_count,
             warnings=warnings_from_messages(list(message.warnings)),
             footprint=outlines_from_messages(message.footprint),
+            pieces=tuple(
+                Piece(piece.name, piece.chosen, np.array([piece.bounds_min, piece.bounds_max], np.float64))
+                for piece in message.pieces
+            ),
         )
 
 
@@ -78,9 +96,17 @@ def format_of(path: Path) -> str:
 
 
 def upload_requests(
-    data: bytes, *, format: str, unit: str | None, up_axis: str | None
+    data: bytes,
+    *,
+    format: str,
+    unit: str | None,
+    up_axis: str | None,
+    size: float | None = None,
+    piece: str | None = None,
 ) -> Iterator[goal_pose_pb2.UploadObjectRequest]:
     """The messages of one upload: what it is, then its bytes in chunks."""
-    yield goal_pose_pb2.UploadObjectRequest(format=format, chunk=data[:_CHUNK], unit=unit or "", up_axis=up_axis or "")
+    yield goal_pose_pb2.UploadObjectRequest(
+        format=format, chunk=data[:_CHUNK], unit=unit or "", up_axis=up_axis or "", size=size, piece=piece or ""
+    )
     for start in range(_CHUNK, len(data), _CHUNK):
         yield goal_pose_pb2.UploadObjectRequest(chunk=data[start : start + _CHUNK])

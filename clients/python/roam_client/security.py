@@ -1,4 +1,4 @@
-"""TLS and API keys of a client's channels: shared by both twins."""
+"""TLS and API keys of a client's channels: shared by both clients."""
 
 from dataclasses import dataclass
 from functools import partial

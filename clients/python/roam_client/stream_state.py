@@ -1,6 +1,6 @@
-"""What a frame stream must remember to be resumed: shared by both twins, does no input or output itself.
+"""What a frame stream must remember to be resumed: shared by both clients, does no input or output itself.
 
-twin                              StreamState
+stream                            StreamState
 connect ─────────────────────────► opening()        messages to send first
 each message received ───────────► receive(message) decoded item; answers to send are in `outbox`
 control from the caller ─────────► control(input)   message to send now; kept until the server has it
@@ -23,6 +23,8 @@ BURST = motion_pb2.PACING_BURST
 _ENCODINGS = {"float32": motion_pb2.ROTATION_ENCODING_FLOAT32, "snorm16": motion_pb2.ROTATION_ENCODING_SNORM16}
 _PACINGS = {"realtime": REALTIME, "credit": CREDIT, "burst": BURST}
 
+_SILENCE = 2.0  # [s] without a message after which a REALTIME stream goes on elsewhere
+_LONGEST_SILENCE = 32.0  # [s]
 _FRAMES_PER_ACK = 4  # well below any server's ack_window
 
 Item = Header | Frame | Event
@@ -33,11 +35,21 @@ class ControlCounter:
 
     def __init__(self) -> None:
         self.last = 0
+        self.paused = False  # whether this client holds the session: then no frames are due
 
     def next(self) -> int:
         """The next control_id."""
         self.last += 1
         return self.last
+
+    def number(self, control: motion_pb2.ControlInput) -> motion_pb2.ControlInput:
+        """A copy of a control with the next id."""
+        numbered = motion_pb2.ControlInput()
+        numbered.CopyFrom(control)
+        numbered.control_id = self.next()
+        if control.WhichOneof("input") == "playback":
+            self.paused = control.playback.paused
+        return numbered
 
     def at_least(self, value: int) -> None:
         """Skips ids that the server has already seen, for example from an earlier process."""
@@ -56,6 +68,7 @@ class StreamState:
     credit: int = 0  # frames granted ahead under credit pacing
     after_sequence: int = 0
     header: Header | None = None
+    quiet: int = 0  # how often in a row the stream was resumed for its silence and brought no frame
     outbox: list[motion_pb2.AnimateRequest] = field(default_factory=list)
     ended: bool = False
     _skeleton: Skeleton | None = None
@@ -63,6 +76,17 @@ class StreamState:
     _stream: str = ""
     _acknowledged: int = 0
     _unconfirmed: dict[int, motion_pb2.ControlInput] = field(default_factory=dict)
+
+    @property
+    def patience(self) -> float | None:
+        """How long the next message may take before the connection counts as dead [s]; None: as long as it likes.
+
+        In real time there is one every frame, but none while the session is held, perhaps by somebody else: whoever
+        finds the stream silent again and again looks less and less often.
+        """
+        if self.pacing != "realtime" or self.counter.paused:
+            return None
+        return min(_LONGEST_SILENCE, _SILENCE * 2**self.quiet)
 
     def opening(self) -> motion_pb2.Open:
         """How to open the stream, or to continue it."""
@@ -80,9 +104,7 @@ class StreamState:
 
     def control(self, control: motion_pb2.ControlInput) -> motion_pb2.AnimateRequest:
         """Numbers a control and keeps it until the server says that it has it."""
-        numbered = motion_pb2.ControlInput()
-        numbered.CopyFrom(control)
-        numbered.control_id = self.counter.next()
+        numbered = self.counter.number(control)
         self._unconfirmed[numbered.control_id] = numbered
         return motion_pb2.AnimateRequest(control=numbered)
 
@@ -116,6 +138,7 @@ class StreamState:
         if message.sequence <= self.after_sequence:
             return None
         self.after_sequence = message.sequence
+        self.quiet = 0
         if self.pacing != "burst":
             self._acknowledge_frame()
         return Frame.from_message(message, self.header)

@@ -1,34 +1,30 @@
-"""A motion session for ordinary code. The asyncio twin is `async_session`; keep the two alike."""
+"""A motion session for ordinary code: `base_session` with blocking calls."""
 
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 from roam.v1 import motion_pb2, motion_pb2_grpc
 
 from roam_client import controls
 from roam_client.actions import Action
 from roam_client.baking import Bake, OnFrame
-from roam_client.errors import NotFoundError, server_errors
+from roam_client.base_session import BaseSession
+from roam_client.calls import MOTION
 from roam_client.goal_poses import GoalPose
 from roam_client.motions import Motion
-from roam_client.stream_state import ControlCounter, StreamState
+from roam_client.stream_state import StreamState
 from roam_client.sync_stream import Stream
 
+if TYPE_CHECKING:
+    from roam_client.sync_client import Client
 
-class Session:
+
+class Session(BaseSession):
     """One character. Leaving the `with` block ends it on the server."""
 
-    def __init__(
-        self, stub: motion_pb2_grpc.MotionServiceStub, message: motion_pb2.Session, *, target: str, timeout: float
-    ) -> None:
-        self._stub = stub
-        self._target = target
-        self._timeout = timeout
-        self._counter = ControlCounter()
-        self.name = message.name
-        self.skeleton_id = message.skeleton_id
-        self.frame_rate = message.frame_rate
-        self.floor_height = message.floor_height
+    def __init__(self, client: "Client", message: motion_pb2.Session) -> None:
+        super().__init__(message)
+        self._client = client
 
     def __enter__(self) -> Self:
         return self
@@ -40,20 +36,11 @@ class Session:
 
     def delete(self) -> None:
         """Ends the session; one that has ended already is fine."""
-        try:
-            with server_errors(self._target):
-                self._stub.DeleteSession(motion_pb2.DeleteSessionRequest(name=self.name), timeout=self._timeout)
-        except NotFoundError:
-            return
+        self._client.run(self._client._delete_session(self.name))
 
     def control(self, control: motion_pb2.ControlInput) -> int:
         """Applies a control; the first sequence that it can affect."""
-        numbered = motion_pb2.ControlInput()
-        numbered.CopyFrom(control)
-        numbered.control_id = self._counter.next()
-        request = motion_pb2.ControlRequest(session=self.name, control=numbered)
-        with server_errors(self._target):
-            return self._stub.Control(request, timeout=self._timeout).effective_sequence
+        return self._client.run(self._client._control(self.name, self._counter.number(control)))
 
     def go_to(self, goal: GoalPose) -> int:
         """Walk to a goal pose and settle into it."""
@@ -85,8 +72,10 @@ class Session:
         resume_for: float = 10.0,
     ) -> Stream:
         """Frames down, controls up, in one call. `pacing`: realtime, credit, burst; `encoding`: float32, snorm16."""
-        state = StreamState(self.name, self._counter, pacing, encoding, joint_positions, credit, after_sequence)
-        return Stream(self._stub, state, target=self._target, duplex=True, resume_for=resume_for)
+        state = self._state(
+            pacing, encoding, joint_positions=joint_positions, credit=credit, after_sequence=after_sequence
+        )
+        return self._open(state, duplex=True, resume_for=resume_for)
 
     def watch(
         self,
@@ -98,8 +87,17 @@ class Session:
         resume_for: float = 10.0,
     ) -> Stream:
         """Frames down only (WatchFrames); controls travel as calls of their own. `pacing`: realtime or burst."""
-        state = StreamState(self.name, self._counter, pacing, encoding, joint_positions, 0, after_sequence)
-        return Stream(self._stub, state, target=self._target, duplex=False, resume_for=resume_for)
+        state = self._state(pacing, encoding, joint_positions=joint_positions, credit=0, after_sequence=after_sequence)
+        return self._open(state, duplex=False, resume_for=resume_for)
+
+    def _open(self, state: StreamState, *, duplex: bool, resume_for: float) -> Stream:
+        def connect(elsewhere: bool) -> Any:
+            if elsewhere:
+                self._client.give_up_connection(MOTION)
+            return self._client.stub(motion_pb2_grpc.MotionServiceStub, MOTION, self.name)
+
+        target = self._client.target(MOTION)
+        return Stream(connect, state, target=target, duplex=duplex, resume_for=resume_for)
 
     def bake(
         self,

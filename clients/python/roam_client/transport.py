@@ -1,4 +1,4 @@
-"""Channels and retries: shared by both twins."""
+"""Channels and retries: shared by both clients."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -15,6 +15,12 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.min_reconnect_backoff_ms", 1000),
     ("grpc.max_reconnect_backoff_ms", 2000),
+    # A network that drops everything says nothing: ask the server now and then while calls are under way.
+    ("grpc.keepalive_time_ms", 10_000),
+    ("grpc.keepalive_timeout_ms", 5_000),
+    ("grpc.http2.max_pings_without_data", 0),
+    # A client that gives up a connection must not be handed the same one again.
+    ("grpc.use_local_subchannel_pool", 1),
 )
 
 # How gRPC words a call that this side cancelled.

@@ -37,7 +37,11 @@ def local(sources: Iterable[Path], order: Order, *, jobs: int, work: Work = make
                 while waiting or flying:
                     while waiting and len(flying) < width:
                         source = waiting.popleft()
-                        flying[pool.submit(work, source.read_bytes(), format_of(source), order)] = source
+                        data = _read(source)
+                        if isinstance(data, Outcome):
+                            yield source, data
+                        else:
+                            flying[pool.submit(work, data, format_of(source), order)] = source
                     for future in wait(flying, return_when=FIRST_COMPLETED).done:
                         outcome = future.result()
                         yield flying.pop(future), outcome
@@ -46,6 +50,14 @@ def local(sources: Iterable[Path], order: Order, *, jobs: int, work: Work = make
                     yield from ((source, _BROKEN) for source in flying.values())
                 else:
                     suspects.extend(flying.values())
+
+
+def _read(source: Path) -> bytes | Outcome:
+    """A file's bytes, or why there are none: one unreadable file does not end a batch."""
+    try:
+        return source.read_bytes()
+    except OSError as error:
+        return Outcome(reason="NOT_READ", message=f"cannot read {source}: {error.strerror}")
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
@@ -68,7 +80,13 @@ def ray_cluster(sources: Iterable[Path], order: Order, *, jobs: int, work: Work 
         while waiting or flying:
             while waiting and len(flying) < 2 * capacity:  # the next ones are on their way while the first ones run
                 source = waiting.popleft()
-                flying[task.remote(source.read_bytes(), format_of(source), order)] = source
+                data = _read(source)
+                if isinstance(data, Outcome):
+                    yield source, data
+                else:
+                    flying[task.remote(data, format_of(source), order)] = source
+            if not flying:
+                break
             for reference in ray.wait(list(flying))[0]:
                 try:
                     outcome = ray.get(reference)

@@ -1,8 +1,9 @@
 """What a batch has done: poses in a folder, and a line of JSON for every object."""
 
-import hashlib
 import json
-from dataclasses import asdict
+import os
+from collections import Counter
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from roam.v1 import goal_pose_pb2
 from roam_client import GoalPose, Object, RoamError
 from roam_client.skeleton import Skeleton
 
-from roam_command.batch_work import Order, Outcome
+from roam_command.batch_work import Order, Outcome, digest_of
+from roam_command.character import Character
 from roam_command.exports import write_pose
 from roam_command.pose import goal_pose_figures
 
@@ -24,17 +26,32 @@ class Ending(StrEnum):
     NPZ = "npz"
     JSON = "json"
     GLB = "glb"
+    BVH = "bvh"
+    VRMA = "vrma"
+    USDZ = "usdz"
+    FBX = "fbx"
+    CSV = "csv"
 
 
 class Ledger:
     """What was done, in OUT/batch.jsonl: the newest line of a file counts."""
 
-    def __init__(self, output: Path, folder: Path, order: Order, ending: Ending) -> None:
+    def __init__(
+        self,
+        output: Path,
+        folder: Path,
+        order: Order,
+        ending: Ending,
+        sources: Sequence[Path],
+        character: Character | None = None,
+    ) -> None:
         output.mkdir(parents=True, exist_ok=True)
+        self._character = character
+        self._alike = Counter(source.with_suffix("") for source in sources)
         self._folder = folder
         self._output = output
         self._ending = ending
-        self._order = asdict(order)
+        self._order = order.record()
         self._path = output / LEDGER
         self._records: dict[str, dict[str, Any]] = {}
         text = self._path.read_text() if self._path.exists() else ""
@@ -51,30 +68,38 @@ class Ledger:
             return
 
     def target(self, source: Path) -> Path:
-        """Where the pose of a file goes: beside its like, the ending added so that no two files share it."""
-        return self._output / f"{self._name(source)}.{self._ending}"
+        """Where the pose of a file goes: sofa.glb gets sofa.pose.npz, and sofa.glb.pose.npz beside a sofa.obj."""
+        alone = self._alike[source.with_suffix("")] < 2
+        name = source.relative_to(self._folder)
+        return self._output / f"{(name.with_suffix('') if alone else name).as_posix()}.pose.{self._ending}"
 
     def has(self, source: Path) -> bool:
-        """Whether the same content was done with the same options, and the pose is still there."""
+        """Whether the same content was done with the same options, and the pose in its place is the one made then."""
         record = self._records.get(self._name(source), {})
         return (
             record.get("status") == "done"
             and record.get("order") == self._order
             and record.get("content") == _digest(source)
-            and self.target(source).exists()
+            and record.get("pose") == _digest(self.target(source))
         )
 
     def add(self, source: Path, outcome: Outcome, skeleton: Skeleton) -> dict[str, Any]:
         """Saves what came of one object and appends its line at once: whatever happens next, it is not forgotten."""
         figures = self._saved(source, outcome, skeleton)
-        record = {"file": self._name(source), "content": _digest(source), "order": self._order, **figures}
+        content = outcome.content or _digest(source)
+        record = {"file": self._name(source), "content": content, "order": self._order, **figures}
         self._records[record["file"]] = record
         self._append(json.dumps(record, allow_nan=False) + "\n")
         return record
 
     def _append(self, text: str) -> None:
-        with self._path.open("a") as file:
-            file.write(text)
+        try:
+            with self._path.open("a") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise OSError(error.errno, f"cannot write {self._path}: {error.strerror}") from error
 
     def _saved(self, source: Path, outcome: Outcome, skeleton: Skeleton) -> dict[str, Any]:
         if not outcome.done:
@@ -85,15 +110,20 @@ class Ledger:
         target = self.target(source)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            write_pose(target, goal, source=source, object=place)
+            write_pose(target, goal, source=source, object=place, character=self._character)
         except (OSError, ValueError, RoamError) as error:
-            return {"status": "failed", "reason": "NOT_SAVED", "message": str(error)}
-        return {"status": "done", "output": str(target), "seconds": outcome.seconds, **goal_pose_figures(goal)}
+            said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            return {"status": "failed", "reason": "NOT_SAVED", "message": said}
+        made = {"output": str(target), "pose": _digest(target)}
+        return {"status": "done", **made, "seconds": outcome.seconds, **goal_pose_figures(goal)}
 
     def _name(self, source: Path) -> str:
         return source.relative_to(self._folder).as_posix()
 
 
-def _digest(source: Path) -> str:
-    with source.open("rb") as file:
-        return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+def _digest(path: Path) -> str | None:
+    """What a file is known by; None when it cannot be read."""
+    try:
+        return digest_of(path.read_bytes())
+    except OSError:
+        return None

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from roam_command.checkout import DEFAULT_OBJECT, bundled_object
+from roam_command.installation import DEFAULT_OBJECT, bundled_object
 from roam_command.options import UnitOption, UpOption, checked_object
 from roam_command.reports import reported, stderr
 
@@ -26,10 +26,11 @@ def demo(
     """Show a page: the object, the pose settling on it, the character walking up, live from the services."""
     with reported(as_json=False):
         from roam_command.embedded import make_services, running_in_thread
+
+        services, settings = make_services("`roam demo`", host=host, http_port=port, grpc_port=0)
         from roam_command.page import PageService, Upload
 
         source = checked_object(object) if object is not None else bundled_object(DEFAULT_OBJECT)
-        services, settings = make_services(host=host, http_port=port, grpc_port=0)
         stderr.print("loading the models …", style="dim")
         page = PageService(Upload(source, unit=unit, up=up))
         with running_in_thread([*services, page], settings) as addresses:

@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|throughput|load`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -16,7 +16,7 @@ def goalpose(context: typer.Context) -> None:
 
 
 def motion(context: typer.Context) -> None:
-    """Approaches to a folder of furniture: errors, jumps, foot skate, speed (`--help` lists its options)."""
+    """Approaches to a folder of furniture: errors, jumps, foot skate, speed; `--people`: beside captured people."""
     delegate("roam_evaluation.motion.approaches", context.args, name="roam evaluate motion")
 
 
@@ -28,3 +28,13 @@ def throughput(context: typer.Context) -> None:
 def load(context: typer.Context) -> None:
     """How many characters a motion server carries, and how evenly their frames come (`--help` lists its options)."""
     delegate("roam_evaluation.service.load", context.args, name="roam evaluate load")
+
+
+def rigs(context: typer.Context) -> None:
+    """Bones of foreign characters, and how exactly poses arrive on them (`--help` lists its options)."""
+    delegate("roam_evaluation.character.rigs", context.args, name="roam evaluate rigs")
+
+
+def uploads(context: typer.Context) -> None:
+    """Files of known size and turning, uploaded with nothing said: right, doubted, refused or silently wrong."""
+    delegate("roam_evaluation.uploads.reading", context.args, name="roam evaluate uploads")

@@ -1,6 +1,9 @@
 """The command line: names the commands and turns errors into sentences and exit codes."""
 
+from typing import Annotated
+
 import typer
+from roam_client.version import __version__
 
 from roam_command import evaluate, train
 from roam_command.batch import batch
@@ -12,12 +15,29 @@ from roam_command.sit import sit
 app = typer.Typer(
     name="roam",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode="markdown",
     help="A pose that fits a piece of furniture, and a character that walks up and takes it.",
     epilog="Exit codes: 0 done · 1 failed · 2 wrong usage · 3 no server there · 4 object or request refused · "
     "130 interrupted. Results go to stdout, progress and warnings to stderr.",
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"roam {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """A pose that fits a piece of furniture, and a character that walks up and takes it."""
+
+
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 
 app.command("pose")(pose)
@@ -35,6 +55,8 @@ evaluate_app = typer.Typer(no_args_is_help=True, help="Measure quality and speed
 evaluate_app.command("field", context_settings=PASS_ON)(evaluate.field)
 evaluate_app.command("goalpose", context_settings=PASS_ON)(evaluate.goalpose)
 evaluate_app.command("motion", context_settings=PASS_ON)(evaluate.motion)
+evaluate_app.command("rigs", context_settings=PASS_ON)(evaluate.rigs)
+evaluate_app.command("uploads", context_settings=PASS_ON)(evaluate.uploads)
 evaluate_app.command("throughput", context_settings=PASS_ON)(evaluate.throughput)
 evaluate_app.command("load", context_settings=PASS_ON)(evaluate.load)
 app.add_typer(evaluate_app, name="evaluate")

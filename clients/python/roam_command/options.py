@@ -43,6 +43,14 @@ UnitOption = Annotated[
 UpOption = Annotated[
     str | None, typer.Option("--up", metavar="x|y|z|-x|-y|-z", help="Up axis of the file (default: detected).")
 ]
+ScaleOption = Annotated[
+    float | None,
+    typer.Option("--scale", metavar="METRES", help="Height of the object in metres (default: as its unit says)."),
+]
+PieceOption = Annotated[
+    str | None,
+    typer.Option("--piece", metavar="NAME|INDEX", help="Which one of a file of several (default: the best seat)."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
 OutputOption = Annotated[
     list[Path] | None, typer.Option("-o", "--output", metavar="FILE", help="Where to save; may be given several times.")
@@ -58,6 +66,8 @@ class Wish:
     seed: SeedOption = 0
     unit: UnitOption = None
     up: UpOption = None
+    scale: ScaleOption = None
+    piece: PieceOption = None
 
 
 @dataclass(frozen=True)

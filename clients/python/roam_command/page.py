@@ -16,7 +16,7 @@ from roam_serving.metrics import Metrics
 from roam_serving.readiness import Readiness
 from starlette.staticfiles import StaticFiles
 
-from roam_command.checkout import bundled_objects
+from roam_command.installation import bundled_objects
 
 FOLDER = Path(__file__).parent / "viewer"
 

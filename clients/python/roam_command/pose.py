@@ -1,16 +1,17 @@
 """`roam pose OBJECT`: a goal pose on a piece of furniture."""
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.progress import Progress as Bar
-from roam_client import Action, Client, GoalPose, Object, Progress
+from roam_client import Action, Client, GoalPose, Object, PoseWishes, Progress
 
-from roam_command.exports import POSE_ENDINGS, check_exporters, write_pose
+from roam_command.character import Character, CharacterChoice
+from roam_command.exports import check_exporters, pose_endings, tell_lost, write_pose
 from roam_command.option_groups import grouped
 from roam_command.options import (
     JsonOption,
@@ -31,6 +32,7 @@ def pose(
     object: ObjectArgument,
     wish: Wish,
     extras: Extras,
+    who: CharacterChoice,
     to: ServerChoice,
     output: OutputOption = None,
     restarts: Annotated[
@@ -43,13 +45,15 @@ def pose(
 ) -> None:
     """Make a full-body pose that fits OBJECT, in the object file's own placement (metres, Y up).
 
-    `-o` saves .npz, .json, or .glb (body and object); with `--count` the others get -2, -3, … after the name.
+    `-o` saves .glb (body and object), .npz, .json, .bvh, .vrma, .usdz, .fbx or .csv; with `--count` the others get -2,
+    -3, … after the name. `--character` solves the pose for your own character and writes it on its own rig.
     """
     with reported(as_json=json):
         checked_object(object)
         extras.check()
-        outputs = checked_outputs(output, POSE_ENDINGS)
+        outputs = checked_outputs(output, pose_endings())
         check_exporters(outputs)
+        character = who.load(height=extras.height)
         with connected(to) as client, progress_bar() as bar:
             start = time.perf_counter()
             place, goal = make_goal_pose(
@@ -61,24 +65,36 @@ def pose(
                 restarts=restarts,
                 solver=solver,
                 count=extras.count,
-                wishes=extras.wishes(client),
+                wishes=_for(extras.wishes(client), character),
             )
             seconds = time.perf_counter() - start
-        files = write_poses(outputs, goal, source=object, object=place)
+        files = write_poses(outputs, goal, source=object, object=place, character=character)
         tell_warnings([*place.warnings, *goal.warnings])
+        tell_lost(files)
         others = [goal_pose_figures(other) for other in goal.alternatives]
         result = {**goal_pose_figures(goal), "alternatives": others, "seconds": seconds, "files": list(map(str, files))}
         lines = [*goal_pose_lines(goal), *alternative_lines(goal), ("time", f"{seconds:.1f} s"), *file_lines(files)]
+        if character is not None:
+            character.tell()
+            result["character"] = character.figures()
+            lines = [*character.lines(), *lines]
         print_result(result, lines, as_json=json)
 
 
-def write_poses(outputs: list[Path], goal: GoalPose, *, source: Path, object: Object) -> list[Path]:
+def _for(wishes: PoseWishes, character: Character | None) -> PoseWishes:
+    """The same wishes for the character's own proportions."""
+    return wishes if character is None else replace(wishes, skeleton=character.skeleton)
+
+
+def write_poses(
+    outputs: list[Path], goal: GoalPose, *, source: Path, object: Object, character: Character | None = None
+) -> list[Path]:
     """Writes the pose and its alternatives; the files written."""
     written = []
     for path in outputs:
         for rank, one in enumerate((goal, *goal.alternatives), start=1):
             ranked = path if rank == 1 else path.with_stem(f"{path.stem}-{rank}")
-            write_pose(ranked, one, source=source, object=object)
+            write_pose(ranked, one, source=source, object=object, character=character)
             written.append(ranked)
     return written
 
@@ -89,7 +105,7 @@ def make_goal_pose(
     """Uploads and optimises, with a progress bar; `reference` wins over the wish's, `options` are further ones of
     `Client.synthesize`."""
     task = bar.add_task("reading the object", total=None, note="")
-    place = client.upload(source, unit=wish.unit, up_axis=wish.up)
+    place = client.upload(source, unit=wish.unit, up_axis=wish.up, size=wish.scale, piece=wish.piece)
     bar.update(task, description="fitting the pose")
 
     def show(progress: Progress) -> None:

@@ -80,11 +80,17 @@ def reported(*, as_json: bool) -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(Exit.DONE) from error
     except OSError as error:
-        _tell(RoamError(str(error)), as_json=as_json)
+        _tell(RoamError(_sentence(error)), as_json=as_json)
         raise typer.Exit(Exit.FAILED) from error
     except KeyboardInterrupt as error:
         stderr.print("interrupted")
         raise typer.Exit(Exit.INTERRUPTED) from error
+
+
+def _sentence(error: OSError) -> str:
+    """What the system refused, with the file and without the error's number."""
+    said = error.strerror or str(error)
+    return f"{error.filename}: {said}" if error.filename else said
 
 
 def _tell(error: RoamError, *, as_json: bool) -> None:

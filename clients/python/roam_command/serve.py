@@ -34,7 +34,9 @@ def serve(
     with reported(as_json=False):
         # A person reads the log at a terminal, a collector reads it anywhere else.
         format = {"log_format": "console"} if sys.stderr.isatty() else {}
-        services, settings = make_services(host=host, http_port=http_port, grpc_port=grpc_port, **format)
+        services, settings = make_services(
+            "`roam serve`", host=host, http_port=http_port, grpc_port=grpc_port, **format
+        )
     from roam_serving.server import serve as run
 
     run([service for service in services if only is None or service.name == only], settings)

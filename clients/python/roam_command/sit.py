@@ -3,14 +3,16 @@
 import time
 from dataclasses import dataclass
 from math import cos, radians, sin
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.progress import Progress as Bar
-from roam_client import Frame, GoalPose, Motion, Placement
+from roam_client import Client, Frame, GoalPose, Motion, Object, Placement, PoseWishes
 
-from roam_command.exports import MOTION_ENDINGS, check_exporters, write_motion
+from roam_command.character import Character, CharacterChoice
+from roam_command.exports import check_exporters, motion_endings, tell_lost, write_motion
 from roam_command.option_groups import grouped
 from roam_command.options import (
     JsonOption,
@@ -32,6 +34,7 @@ DEFAULT_DISTANCE = 3.0  # [m] in front of the goal pose
 def sit(
     object: ObjectArgument,
     wish: Wish,
+    who: CharacterChoice,
     to: ServerChoice,
     start: Annotated[
         str | None,
@@ -46,35 +49,74 @@ def sit(
     hold: Annotated[float, typer.Option("--hold", min=0, help="Seconds to stay in the goal pose.")] = 1.0,
     stand_up: Annotated[bool, typer.Option("--stand-up", help="Stand up again after the hold.")] = False,
     frames: Annotated[int, typer.Option("--frames", min=1, max=36000, help="Most frames to bake.")] = 900,
+    height: Annotated[
+        float | None,
+        typer.Option("--height", min=0.8, max=2.4, help="Height of the --character [m]; default: its file's own."),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Make a character walk up to OBJECT and sit or lie on it.
 
-    `-o` saves .npz, .json, .glb (animated body and object) or .bvh, all in the object file's own placement
-    (metres, Y up).
+    `-o` saves .glb (animated body and object), .npz, .json, .bvh, .vrma, .usdz, .fbx or .csv, all in the object file's
+    own placement (metres, Y up). `--character` is your own one: its goal pose is solved for its proportions.
     """
     with reported(as_json=json):
         checked_object(object)
-        outputs = checked_outputs(output, MOTION_ENDINGS)
+        outputs = checked_outputs(output, motion_endings())
         check_exporters(outputs)
         place_wanted = parse_start(start) if start is not None else None
+        character = who.load(height=height)
         with connected(to) as client, progress_bar() as bar:
             began = time.perf_counter()
-            place, goal = make_goal_pose(client, bar, object, wish)
+            place, goal, target = _goals(client, bar, object, wish, character)
             posed = time.perf_counter()
-            placement = place_wanted or in_front_of(goal, DEFAULT_DISTANCE)
+            placement = _placement(place_wanted, goal, target, character)
             with client.create_session(placement, seed=wish.seed, floor_height=goal.floor_height) as session:
-                counter = _FrameCounter(bar, goal)
-                motion = session.bake(goal, hold=hold, stand_up=stand_up, max_frames=frames, on_frame=counter.show)
+                counter = _FrameCounter(bar, target)
+                motion = session.bake(target, hold=hold, stand_up=stand_up, max_frames=frames, on_frame=counter.show)
+            if character is not None:
+                motion = character.performing(motion, goal)
             times = Times(posed - began, time.perf_counter() - posed)
         for path in outputs:
-            write_motion(path, motion, source=object, object=place)
+            write_motion(path, motion, source=object, object=place, character=character)
         tell_warnings([*place.warnings, *goal.warnings])
+        tell_lost(outputs)
         figures = motion_figures(motion, goal, times, hold=hold)
         _tell_missed(figures, frames)
         result = {**goal_pose_figures(goal), **figures, "files": [str(path) for path in outputs]}
         lines = [*goal_pose_lines(goal), *motion_lines(figures), *file_lines(outputs)]
+        if character is not None:
+            character.tell()
+            result["character"] = character.figures()
+            lines = [*character.lines(), *lines]
         print_result(result, lines, as_json=json)
+
+
+def _goals(
+    client: Client, bar: Bar, source: Path, wish: Wish, character: Character | None
+) -> tuple[Object, GoalPose, GoalPose]:
+    """The object, the pose of whoever sits, and the pose that the animated figure goes to.
+
+    The figure's motion is carried over to a character: it goes to a pose of its own at the character's place.
+    """
+    if character is None:
+        place, goal = make_goal_pose(client, bar, source, wish)
+        return place, goal, goal
+    place, goal = make_goal_pose(client, bar, source, wish, wishes=PoseWishes(skeleton=character.skeleton))
+    x, y, z = (float(value) for value in goal.root_position)
+    same = PoseWishes(seat_point=(x, y, z), facing=goal.heading)
+    target = client.synthesize(place, reference=wish.reference, action=wish.action.action, seed=wish.seed, wishes=same)
+    return place, goal, target
+
+
+def _placement(wanted: Placement | None, goal: GoalPose, target: GoalPose, character: Character | None) -> Placement:
+    """Where the animated figure starts: its way is scaled about the goal, so it starts as much farther or nearer."""
+    if character is None:
+        return wanted or in_front_of(target, DEFAULT_DISTANCE)
+    at = wanted or in_front_of(goal, DEFAULT_DISTANCE)
+    ratio = character.size_ratio(target.skeleton)
+    (x, _, z), (own_x, _, own_z) = (tuple(map(float, g.root_position)) for g in (target, goal))
+    return Placement(x + (at.x - own_x) / ratio, z + (at.z - own_z) / ratio, at.yaw)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
-from roam_goalpose.energy.total import ReferenceModel
+from roam_goalpose.energy.reference import LargePerReference, ReferenceModel
+from roam_goalpose.energy.terms import TERMS
+from roam_goalpose.energy.terms.descriptor import Descriptor, ReferenceDescriptors
 from roam_goalpose.references.pairs import ReferencePair
 from roam_goalpose.solvers.staged import SolverConfig
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer
@@ -27,11 +29,11 @@ from roam_evaluation.shared.ledger import Ledger, Record
 from roam_evaluation.shared.study import run_study, shipped
 
 Change = Callable[[SolverConfig], SolverConfig]
-OUR_TERMS = ("contact", "clearance", "symmetry", "penetration", "facing", "gravity", "self_collision")
+OUR_TERMS = tuple(term.name for term in TERMS.values() if term.published is None and term.weight)
 
 
 def _without(*terms: str) -> Change:
-    return lambda config: replace(config, weights=replace(config.weights, **dict.fromkeys(terms, 0.0)))
+    return lambda config: replace(config, weights=config.weights.without(*terms))
 
 
 def _all_stages_at_once(config: SolverConfig) -> SolverConfig:
@@ -72,20 +74,15 @@ class JointSampled(Synthesizer):
 
 def at_joints(model: ReferenceModel) -> ReferenceModel:
     """A reference model whose probes lie at joints only."""
-    kept = torch.nonzero(model.probes.centre < model.skeleton.joint_count)[:, 0]
-    probes = model.probes
-    return replace(
-        model,
-        probes=replace(
-            probes,
-            joint=probes.joint[kept],
-            offset=probes.offset[kept],
-            centre=probes.centre[kept],
-            knee=probes.knee[kept],
-        ),
-        descriptors=model.descriptors[:, kept],
-        nearness=model.nearness[:, kept],
+    prepared = Descriptor().of(model)
+    probes = prepared.probes
+    kept = torch.nonzero(probes.centre < model.skeleton.joint_count)[:, 0]
+    at_joints = replace(
+        probes, joint=probes.joint[kept], offset=probes.offset[kept], centre=probes.centre[kept], knee=probes.knee[kept]
     )
+    values = LargePerReference.of(prepared.descriptors.values[:, kept])
+    found = ReferenceDescriptors(at_joints, values, prepared.nearness[:, kept])
+    return replace(model, prepared={**model.prepared, Descriptor.name: found})
 
 
 def ablated(synthesizer: Synthesizer, variant: str) -> Synthesizer:

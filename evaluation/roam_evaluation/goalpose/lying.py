@@ -9,7 +9,7 @@ import numpy.typing as npt
 from roam_character.body import body_capsules
 from roam_character.pose import Pose
 from roam_character.skeleton import humanoid_skeleton
-from roam_goalpose.energy.penetration import body_points
+from roam_goalpose.energy.body import body_points
 from roam_goalpose.objects import Shape
 from roam_goalpose.synthesis import GoalPoseResult
 

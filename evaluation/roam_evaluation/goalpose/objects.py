@@ -8,19 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from roam_goalpose.furniture import generate
+from roam_goalpose.furniture import TABLE, generate
 from roam_goalpose.objects import format_of
 from roam_goalpose.training.examples import is_held_out
 from roam_goalpose.training.store import HELD_OUT_SEEDS
 
 EXTENSIONS = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 # Nothing to sit on in the usual way; asked for by name or by --categories.
-LEFT_OUT = frozenset({"bed"})
+LEFT_OUT = frozenset(row.name for row in TABLE.values() if not row.sitting)
 # One place to sit, in the middle; on the others several places are as good.
-ONE_SEAT = frozenset({"chair", "armchair", "officechair", "barstool", "stool", "lounger"})
+ONE_SEAT = frozenset(row.name for row in TABLE.values() if row.one_seat)
 # What is generated when real meshes are too few, in turn; twice as many chairs as the others, as among real ones.
 GENERATED = ("chair", "armchair", "sofa", "chair", "stool", "officechair", "bench", "barstool")
-TO_LIE_ON = ("bed", "lounger")  # generated where they are named
+# Generated where they are named.
+TO_LIE_ON = tuple(sorted(row.name for row in TABLE.values() if row.lying and row.share))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from roam_evaluation.goalpose.simulation import MASS, RATE, SAG, drift
 from roam_evaluation.shared.ledger import Ledger, Record
 
 THRESHOLDS = tuple(round(0.01 * k, 2) for k in range(31))  # [m]
-LIMIT = 0.10  # [m] what issue 3 allows
+LIMIT = 0.10  # [m] the largest drift that counts as holding
 
 
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:

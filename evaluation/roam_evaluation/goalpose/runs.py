@@ -12,8 +12,8 @@ import torch
 from roam_character.body import body_capsules
 from roam_character.pose import Pose
 from roam_character.skeleton import humanoid_skeleton
+from roam_goalpose.energy.body import body_points, penetration_depths
 from roam_goalpose.energy.figure import Figure, figure_from_pose
-from roam_goalpose.energy.penetration import body_points, penetration_depths
 from roam_goalpose.objects import Shape
 from roam_goalpose.references.model import height_above_surface
 from roam_goalpose.references.pairs import ReferencePair
@@ -22,8 +22,8 @@ from roam_goalpose.synthesis import GoalPoseRequest, GoalPoseResult, Synthesizer
 from roam_evaluation.goalpose.cases import Case
 from roam_evaluation.goalpose.objects import ONE_SEAT
 
-HIP, HEADING = 0.08, math.radians(20)  # issue 2
-STRICT_HIP, STRICT_HEADING, STRICT_DEPTH, STRICT_FLOOR = 0.05, math.radians(15), 0.03, 0.03  # issue 3
+HIP, HEADING = 0.08, math.radians(20)  # docs/concepts/success.md
+STRICT_HIP, STRICT_HEADING, STRICT_DEPTH, STRICT_FLOOR = 0.05, math.radians(15), 0.03, 0.03  # docs/concepts/success.md
 # [m] With level thighs and flat soles the knees of a person of 1.69 m are at 0.50 m, the undersides of thighs 0.07 m
 # lower; pressed in as deep as allowed they lie on an edge of this height. From a higher one feet hang, by as much.
 HIGHEST_LEVEL_EDGE = 0.50 - 0.07 + STRICT_DEPTH

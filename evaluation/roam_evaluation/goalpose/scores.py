@@ -4,17 +4,14 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from roam_goalpose.furniture import TABLE
 
 from roam_evaluation.goalpose.runs import Run, runs_from
 
-SEAT_KINDS = {
-    "chairs": ("chair", "armchair", "officechair"),
-    "sofas": ("sofa",),
-    "stools and benches": ("stool", "barstool", "bench"),
-    "loungers": ("lounger",),
-    "beds": ("bed",),
-    "unknown": ("unknown",),
-}
+SEAT_KINDS: dict[str, tuple[str, ...]] = {
+    group: tuple(row.name for row in TABLE.values() if row.group == group)
+    for group in dict.fromkeys(row.group for row in TABLE.values())
+} | {"unknown": ("unknown",)}
 DEPTHS = tuple(round(0.005 * k, 3) for k in range(21))  # [m] t = 0 … 10 cm
 
 

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from roam_goalpose.energy.total import Settings, Target, total_energy
-from roam_goalpose.energy.weights import PAPER_FULL
+from roam_goalpose.energy.objective import Objective
+from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.energy.terms import published_weights
 from roam_goalpose.objects import Shape
 from roam_goalpose.synthesis import ENCODER_POINTS, GoalPoseRequest, Synthesizer
 
@@ -42,7 +43,7 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def on_paper_energy(synthesizer: Synthesizer) -> Synthesizer:
     """The default solver with the published terms and weights."""
-    config = replace(synthesizer.config, weights=PAPER_FULL)
+    config = replace(synthesizer.config, weights=published_weights())
     return Synthesizer(synthesizer.field, synthesizer.references, synthesizer.field_name, config)
 
 
@@ -70,9 +71,9 @@ def both_energies(synthesizer: Synthesizer, shape: Shape, run: Run) -> Record:
         target = Target(synthesizer.field, latent, shape.distance, shape.floor_height, front)
         for name, settings in (
             (OURS, Settings(synthesizer.config.weights, samples)),
-            (PUBLISHED, Settings(PAPER_FULL, samples, by_nearness=False)),
+            (PUBLISHED, Settings(published_weights(), samples, by_nearness=False)),
         ):
-            found[name] = round(float(total_energy(figure, model, target, settings)[0][0]), 5)
+            found[name] = round(float(Objective(model, target, settings).at(figure).energy[0]), 5)
     return found
 
 

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
+from roam_goalpose.energy.terms import TERMS
 from roam_goalpose.energy.weights import EnergyWeights
 from roam_goalpose.solvers.staged import SolverConfig
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
@@ -62,13 +63,18 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--action", default="sit", choices=("sit", "lie"))
     parser.add_argument("--solver", default="default", choices=("default", "paper"))
     parser.add_argument(
-        "--terms", default="all", choices=("all", "descriptor", "geometry"), help="ablation of the energy"
+        "--terms", default="all", metavar="TERMS", help=f"all, paper, geometry, or a list: {', '.join(TERMS)}"
     )
     parser.add_argument("--weights", type=Path, help="field weights; default: the shipped ones")
     parser.add_argument("--turned", type=int, default=1, help="random turns of the upload per object")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--minutes", type=float, help="start no new object after this")
-    return parser.parse_args(argv)
+    options = parser.parse_args(argv)
+    try:
+        terms_of(options.terms)
+    except ValueError as error:
+        parser.error(f"--terms: {error}")
+    return options
 
 
 def load_synthesizer(plan: Plan) -> Synthesizer:
@@ -78,13 +84,26 @@ def load_synthesizer(plan: Plan) -> Synthesizer:
     return made
 
 
+def terms_of(text: str) -> tuple[str, ...]:
+    """The names that `--terms` stands for: all, the paper's, all but the descriptor, or those in a list.
+
+    Raises ValueError for a name that is no term's.
+    """
+    groups = {
+        "all": tuple(TERMS),
+        "paper": tuple(name for name, term in TERMS.items() if term.published is not None),
+        "geometry": tuple(name for name in TERMS if name != "descriptor"),
+    }
+    names = groups.get(text, tuple(text.split(",")))
+    unknown = [name for name in names if name not in TERMS]
+    if unknown:
+        raise ValueError(f"no energy term {', '.join(unknown)}; say {', '.join(groups)}, or some of {', '.join(TERMS)}")
+    return names
+
+
 def ablated(config: SolverConfig, terms: str) -> EnergyWeights:
-    """All terms, the paper's without geometry, or geometry without descriptors."""
-    if terms == "descriptor":
-        return replace(
-            config.weights, contact=0.0, clearance=0.0, symmetry=0.0, penetration=0.0, self_collision=0.0, gravity=0.0
-        )
-    return replace(config.weights, descriptor=0.0) if terms == "geometry" else config.weights
+    """The weights of the terms that `--terms` names, the others switched off."""
+    return config.weights.only(*terms_of(terms))
 
 
 def evaluate_object(synthesizer: Synthesizer, item: EvaluationObject, plan: Plan) -> list[Record]:

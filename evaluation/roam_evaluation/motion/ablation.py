@@ -18,17 +18,14 @@ from typing import Any
 
 import numpy as np
 import torch
-from roam_motion.animation.features import decode, encode
 from roam_motion.animation.figure import Figure, humanoid_figure
 from roam_motion.animator import Animator
-from roam_motion.graphs import Graphs
-from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
-from roam_motion.models.lnsm.prediction import Prediction
+from roam_motion.models.lnsm.config import WHOLE, Parts
+from roam_motion.models.lnsm.predict import LnsmModel
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.library import load_library
 from roam_motion.training.loop import Learner, TrainingConfig, make_learner, train
 from roam_motion.training.motion import add_data_options, library_of
-from roam_motion.training.parts import WHOLE, Parts
 from roam_motion.training.validation import rollout_scores, starts
 from roam_motion.training.weights import start_poses
 from torch import Tensor
@@ -69,17 +66,6 @@ VARIANTS: dict[str, Variant] = {
 }
 
 
-class Partial(Animator):
-    """An animator whose network does without some parts."""
-
-    def __init__(
-        self, figure: Figure, network: MotionNetwork, normaliser: Normaliser, poses: dict[str, Tensor], parts: Parts
-    ) -> None:
-        super().__init__(figure, network, normaliser, poses, parts.blending(settling=False))
-        predict = parts.of(figure.joint_count, Prediction(network, normaliser))
-        self._graphs = Graphs(figure, predict, parts.blending(settling=False))
-
-
 def trained(figure: Figure, dataset: Dataset, variant: Variant, seed: int, updates: int) -> Learner:
     """A network from scratch."""
     config = TrainingConfig(
@@ -112,8 +98,8 @@ def step_error(figure: Figure, dataset: Dataset, learner: Learner) -> dict[str, 
     characters, goals = dataset.characters(figure, at), dataset.goals(at)
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
-    output = learner.predict(averaged=True)(encode(figure, characters, goals, positions, root))
-    answer, ahead = decode(output, characters, positions, root), dataset.targets(figure, at)
+    answer = learner.predict(averaged=True)(characters, goals, positions, root)
+    ahead = dataset.targets(figure, at)
     apart = (answer.positions - root.points_in(ahead.positions)).norm(dim=-1).mean()
     moved = (root.points_in(positions) - root.points_in(ahead.positions)).norm(dim=-1).mean()
     wrong = ((answer.contacts > 0.5) != (ahead.contacts > 0.5)).float().mean()
@@ -188,7 +174,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         learner = trained(figure, dataset, variant, options.seed, options.updates)
         minutes = (time.process_time() - begin) / 60
         size = sum(p.numel() for p in learner.network.parameters()) / 1e6
-        animator = Partial(figure, learner.averaged, learner.normaliser, poses, variant.parts)
+        model = LnsmModel(figure, learner.averaged, learner.normaliser, poses)
+        animator = Animator(model, variant.parts.blending(settling=False))
         figures = {**measure(figure, held_out, poses, learner), **arrivals(animator, goals, options.seed)}
         figures |= {"million_parameters": size, "cpu_minutes": minutes}
         ledger.add(name, [{"variant": name, **{k: round(v, 3) for k, v in figures.items()}}])

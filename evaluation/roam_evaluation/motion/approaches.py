@@ -4,7 +4,8 @@ Goal poses are synthesised on the objects of a folder; each is approached from s
 
     python -m roam_evaluation.motion.approaches --objects DIR --json FILE [--sheet FILE.png] [--approaches 100] …
 
-A further study, with options of its own: `roam evaluate motion ablation`.
+Further studies, with options of their own: `roam evaluate motion ablation`, and `roam evaluate motion --people`, the
+product's motion beside captured people's.
 """
 
 import argparse
@@ -23,6 +24,7 @@ import torch
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.figure import Figure, humanoid_figure
 from roam_motion.animator import Animator, Steer
+from roam_serving.shipped import WEIGHTS
 
 from roam_evaluation.goalpose.objects import find_objects
 from roam_evaluation.motion import gait as motion_gait
@@ -32,7 +34,7 @@ from roam_evaluation.motion.measures import Track, frechet, motion_figures
 from roam_evaluation.motion.runs import REACHED, Approach, Take, draw_starts, judge, run
 from roam_evaluation.shared.sheets import contact_sheet, top_view
 
-SHIPPED = Path(__file__).parents[3] / "weights" / "motion.safetensors"
+SHIPPED = WEIGHTS / "motion.safetensors"
 _BATCH = 16
 STUDIES = ("ablation",)
 FRAMES = {"sit": 300, "lie": 450}  # of an approach
@@ -158,6 +160,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments and arguments[0] in STUDIES:
         ran: int = importlib.import_module(f"roam_evaluation.motion.{arguments[0]}").main(arguments[1:])
         return ran
+    if "--people" in arguments:
+        from roam_evaluation.motion.people import evaluate
+
+        return evaluate.main(arguments)
     options = parse(arguments)
     torch.set_num_threads(1)
     categories = set(options.categories.split(",")) if options.categories else None

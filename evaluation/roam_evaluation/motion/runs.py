@@ -14,7 +14,7 @@ from roam_evaluation.motion.measures import Track
 
 APPROACH = 300  # frames until the goal must be reached (paper, 4.2)
 LEAVE = {"sit": 150, "lie": 330}  # frames to stand up in
-REACHED = 0.05  # [m] mean joint distance (issue 2)
+REACHED = 0.05  # [m] mean joint distance; docs/concepts/success.md
 _UPRIGHT = 0.86  # [m] hips
 _RESTING = ("hips", "spine", "leftUpperLeg", "rightUpperLeg")
 

@@ -11,9 +11,8 @@ from roam.v1 import motion_pb2
 from roam_character.skeleton import humanoid_skeleton
 from roam_character.wire import pack_float32, snorm16
 from roam_motion.animator import FrameData
-from roam_motion.api.messages import pack_frame
+from roam_motion.api.messages import FrameFormat, pack_frame
 from roam_motion.session.session import FrameRecord
-from roam_motion.session.stream import StreamOptions
 
 _ROUNDS = 200
 _Field = descriptor_pb2.FieldDescriptorProto
@@ -27,8 +26,8 @@ def measure_encoding() -> dict[str, float]:
     root = np.concatenate([positions[0], rotations[0]])
     data = FrameData(root, rotations, snorm16(rotations), positions, np.ones(4, bool), "sit", 0.1)
     record = FrameRecord(1000, data)
-    short = StreamOptions(encoding=motion_pb2.ROTATION_ENCODING_SNORM16)
-    float32 = StreamOptions()
+    short = FrameFormat(encoding=motion_pb2.ROTATION_ENCODING_SNORM16)
+    float32 = FrameFormat()
     kind = _spelling()
     spelled = _microseconds(lambda: _spelled(kind, rotations))
     in_one = _microseconds(lambda: motion_pb2.Frame(rotations=pack_float32(rotations)).SerializeToString())

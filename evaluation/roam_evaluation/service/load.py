@@ -25,7 +25,9 @@ from roam.v1 import motion_pb2, motion_pb2_grpc, skeleton_pb2
 from roam_goalpose.api.messages import pose_message, volume_message
 from roam_goalpose.objects import load_shape
 from roam_goalpose.objects.footprint import footprint
+from roam_goalpose.objects.volume import shape_volume
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
+from roam_serving.shipped import OBJECTS
 
 from roam_evaluation.service.frame_encoding import measure_encoding
 from roam_evaluation.service.server_process import ServerProcess, motion_servers
@@ -33,7 +35,7 @@ from roam_evaluation.service.takeover import measure_stall, measure_takeovers
 
 _RATE = 30.0  # [Hz]
 _FRAMES_PER_ACK = 4  # as the Python client does
-_CHAIR = Path(__file__).parents[3] / "examples" / "objects" / "chair.glb"
+_CHAIR = OBJECTS / "chair.glb"
 _CHAIR_AT = np.array([0.0, 0.0, -1.2], np.float32)  # [m]
 _SETTLING = 1.0  # the first second of every stream is not counted [s]
 
@@ -142,7 +144,7 @@ def chair_goal() -> motion_pb2.Goal:
     shape = load_shape(_CHAIR.read_bytes(), "glb")
     pose = Synthesizer.load(SynthesizerSettings()).synthesize(shape, GoalPoseRequest(action="sit")).pose
     outlines = [(corners + _CHAIR_AT[::2]).ravel().tolist() for corners in footprint(shape.points)]
-    volume = volume_message(shape)
+    volume = volume_message(shape_volume(shape))
     volume.origin[:] = (np.array(volume.origin) + _CHAIR_AT).tolist()
     return motion_pb2.Goal(
         pose=pose_message(pose.moved(_CHAIR_AT)),

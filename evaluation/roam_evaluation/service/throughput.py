@@ -17,8 +17,7 @@ from roam_client import AsyncClient, Object
 from roam_goalpose.app import goalpose_server
 from roam_goalpose.settings import GoalPoseSettings
 from roam_serving.server import Addresses
-
-_ROOT = Path(__file__).parents[3]
+from roam_serving.shipped import OBJECTS
 
 
 async def _timed(client: AsyncClient, place: Object, seeds: Sequence[int], *, reference: str, together: bool) -> float:
@@ -70,7 +69,7 @@ async def _run(arguments: argparse.Namespace) -> dict[str, Any]:
 def main(arguments: list[str] | None = None) -> None:
     """See --help."""
     parser = argparse.ArgumentParser(prog="roam evaluate throughput", description=__doc__)
-    parser.add_argument("--object", type=Path, default=_ROOT / "examples" / "objects" / "chair.glb")
+    parser.add_argument("--object", type=Path, default=OBJECTS / "chair.glb")
     parser.add_argument("--reference", default="chair_sit")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes of the server")
     parser.add_argument("--requests", type=int, default=8, help="that come at once")

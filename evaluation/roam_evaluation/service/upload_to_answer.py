@@ -22,9 +22,9 @@ import trimesh
 from roam_client import AsyncClient, RoamError
 from roam_goalpose.app import goalpose_server
 from roam_goalpose.settings import GoalPoseSettings
+from roam_serving.shipped import OBJECTS
 
-_ROOT = Path(__file__).parents[3]
-_CHAIR = _ROOT / "examples" / "objects" / "chair.glb"
+_CHAIR = OBJECTS / "chair.glb"
 _MOST_TRIANGLES = 400_000
 _FORMATS = ("obj", "off", "stl", "ply", "glb", "gltf")
 

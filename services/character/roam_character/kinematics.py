@@ -5,13 +5,14 @@ Batched over leading axes, numpy or torch, differentiable in torch.
 
 from typing import Any, NamedTuple
 
-from roam_character.arrays import Array, indices_like, like, namespace
+from roam_character.arrays import Array, indices, like, namespace
 from roam_character.rotation import (
     quat_between,
     quat_from_rotvec,
     quat_inv,
     quat_mul,
     quat_rotate,
+    quat_to_matrix,
     vec_cross,
     vec_normalize,
 )
@@ -32,20 +33,18 @@ def forward_kinematics(skeleton: Skeleton, root_position: Array, rotations: Arra
     are identity in every shipped skeleton; where they are not, `rotations` include them).
     """
     xp = namespace(root_position, rotations)
-    offsets = like(skeleton.rest_offsets, rotations)
-    positions = [root_position[..., None, :]]
     orientations = [rotations[..., :1, :]]
     for level in skeleton.levels[1:]:
-        joints, slots = list(level.joints), list(level.parent_slots)
-        parent = orientations[-1][..., slots, :]
-        positions.append(positions[-1][..., slots, :] + quat_rotate(parent, offsets[joints]))
-        orientations.append(quat_mul(parent, rotations[..., joints, :]))
-    order = [j for level in skeleton.levels for j in level.joints]
-    back = indices_like(sorted(range(len(order)), key=order.__getitem__), rotations)
-    return Posture(
-        xp.take(xp.concat(positions, axis=-2), back, axis=-2),
-        xp.take(xp.concat(orientations, axis=-2), back, axis=-2),
-    )
+        parents = xp.take(orientations[-1], indices(level.parent_slots, rotations), axis=-2)
+        orientations.append(quat_mul(parents, xp.take(rotations, indices(level.joints, rotations), axis=-2)))
+    world = xp.take(xp.concat(orientations, axis=-2), indices(skeleton.level_places, rotations), axis=-2)
+    # Every joint is the sum of its ancestors' turned offsets: one matrix product instead of a sum per depth.
+    offsets = like(skeleton.bone_offsets, rotations)[..., None]
+    bones: Any = quat_to_matrix(xp.take(world, indices(skeleton.upper_joints, rotations), axis=-2)) @ offsets
+    ancestors: Any = like(skeleton.ancestors, rotations)
+    # Broadcast, so that the product of one posture has the same bits in every batch.
+    away = xp.broadcast_to(ancestors, (*bones.shape[:-3], *ancestors.shape)) @ bones[..., 0]
+    return Posture(root_position[..., None, :] + away, world)
 
 
 def local_rotations(skeleton: Skeleton, orientations: Array) -> Array:
@@ -118,6 +117,28 @@ def two_bone_ik(
     bent = middle + quat_rotate(turn, b)
     swing = quat_between(bent - start, target - start)
     return swing, quat_mul(swing, turn)
+
+
+def bent_joint(
+    start: Array, end: Array, lengths: tuple[Array, Array], side: Array, *, straightest: float = 0.9999
+) -> Array:
+    """Where the middle joint of a two-bone limb is: the knee of a leg, the elbow of an arm.
+
+    Args: world positions [..., 3] of the limb's first joint and of where its end goes [m]; the bones' lengths, each
+    [..., 1] [m]; `side` [..., 3], any direction towards which the joint points.
+    An end nearer than the bones can fold or farther than `straightest` of their sum is taken as that far.
+    Returns: [..., 3] [m].
+    """
+    xp = namespace(start, end)
+    upper, lower = lengths
+    way = end - start
+    reach = _norm(way)
+    way = way / reach
+    reach = xp.minimum(xp.maximum(reach, xp.abs(upper - lower) + 1e-4), (upper + lower) * straightest)
+    cosine = (upper * upper + reach * reach - lower * lower) / (2 * upper * reach)
+    cosine = xp.minimum(xp.maximum(cosine, -1 + 0 * cosine), 1 + 0 * cosine)
+    across = vec_normalize(side - xp.sum(side * way, axis=-1, keepdims=True) * way)
+    return start + upper * (cosine * way + xp.sqrt(xp.maximum(1 - cosine * cosine, 0 * cosine)) * across)
 
 
 def _norm(v: Array) -> Array:

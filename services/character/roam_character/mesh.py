@@ -54,7 +54,20 @@ def body_mesh(skeleton: Skeleton) -> BodyMesh:
         parts.append((vertices + origins[joint], normals, faces + count, np.full(len(vertices), joint)))
         count += len(vertices)
     vertices, normals, faces, joints = (np.concatenate(part) for part in zip(*parts, strict=True))
+    vertices, normals = _flat_soles(skeleton, vertices, normals, joints)
     return BodyMesh(vertices.astype(np.float32), normals.astype(np.float32), faces, joints)
+
+
+def _flat_soles(
+    skeleton: Skeleton, vertices: np.ndarray, normals: np.ndarray, joints: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Feet and toes end on the floor of the rest pose: round capsules would reach up to 1.5 cm below it."""
+    soles = [j for j, bone in enumerate(skeleton.humanoid_bones) if bone.endswith(("Foot", "Toes"))]
+    below = np.isin(joints, soles) & (vertices[:, 1] < 0)
+    vertices, normals = vertices.copy(), normals.copy()
+    vertices[below, 1] = 0.0
+    normals[below] = [0.0, -1.0, 0.0]
+    return vertices, normals
 
 
 def rest_origins(skeleton: Skeleton) -> np.ndarray:
@@ -69,3 +82,28 @@ def posed_mesh(mesh: BodyMesh, skeleton: Skeleton, positions: np.ndarray, orient
     """Vertices [V, 3] of the body in a pose given by joint placements [J, 3], [J, 4] [m]."""
     local = mesh.vertices - rest_origins(skeleton)[mesh.joints]
     return np.asarray(positions[mesh.joints] + quat_rotate(orientations[mesh.joints], local))
+
+
+def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points [P, 3], normals [P, 3] and faces [F, 3] of a mesh with smooth surfaces and sharp edges.
+
+    A corner has the mean normal of its vertex where that is within 50° of its face's, else its face's own: upholstery
+    looks round and boards have edges.
+    """
+    edges = vertices[faces[:, 1:]] - vertices[faces[:, :1]]
+    across = np.cross(edges[:, 0], edges[:, 1])
+    means = np.zeros_like(vertices, dtype=float)
+    for corner in range(3):
+        np.add.at(means, faces[:, corner], across)
+    flat, means = _directions(across), _directions(means)
+    own = np.repeat(flat, 3, axis=0)
+    smooth = means[faces.reshape(-1)]
+    normals = np.where((own * smooth).sum(axis=-1, keepdims=True) > np.cos(np.radians(50)), smooth, own)
+    rows = np.concatenate([vertices[faces.reshape(-1)], normals.round(5)], axis=1)
+    found, back = np.unique(rows, axis=0, return_inverse=True)
+    return found[:, :3], _directions(found[:, 3:]), back.reshape(-1, 3)
+
+
+def _directions(vectors: np.ndarray) -> np.ndarray:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(lengths > 1e-20, vectors / np.maximum(lengths, 1e-20), np.array([0.0, 1.0, 0.0]))

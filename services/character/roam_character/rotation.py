@@ -6,10 +6,31 @@ at half turns.
 
 from typing import Any
 
-from roam_character.arrays import Array, like, namespace
+from roam_character.arrays import Array, constant, indices, like, namespace
 
 # Below this, a squared length counts as zero: keeps square roots differentiable at the identity.
 _TINY = 1e-16
+
+# The Hamilton product as a small matrix made of the left factor: which component stands where, and with which sign.
+_PLACES = (3, 2, 1, 0, 2, 3, 0, 1, 1, 0, 3, 2, 0, 1, 2, 3)
+_SIGNS = ((1.0, -1.0, 1.0, 1.0), (1.0, 1.0, -1.0, 1.0), (-1.0, 1.0, 1.0, 1.0), (-1.0, -1.0, -1.0, 1.0))
+_CONJUGATE = (-1.0, -1.0, -1.0, 1.0)
+_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def _squares() -> tuple[tuple[float, ...], ...]:
+    """How a rotation matrix less the identity is made of the products q_a q_b: [16, 9]."""
+    parts = [[0.0] * 9 for _ in range(16)]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        parts[5 * j][4 * i] = parts[5 * k][4 * i] = -2.0
+        for place in (3 * i + j, 3 * j + i):
+            parts[4 * i + j][place] = 2.0
+        parts[4 * k + 3][3 * i + j], parts[4 * k + 3][3 * j + i] = -2.0, 2.0
+    return tuple(tuple(row) for row in parts)
+
+
+_SQUARES = _squares()
 
 
 def _last(x: Any, i: int) -> Any:
@@ -47,24 +68,19 @@ def quat_normalize(q: Array) -> Array:
 
 
 def quat_mul(a: Array, b: Array) -> Array:
-    """Hamilton product: first `b`, then `a`. [..., 4] x [..., 4] -> [..., 4]."""
+    """Hamilton product: first `b`, then `a`. [..., 4] x [..., 4] -> [..., 4].
+
+    In few operations: batches are small here, and each costs microseconds however little it does.
+    """
     xp = namespace(a, b)
-    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    return xp.stack(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ],
-        axis=-1,
-    )
+    placed = xp.take(a, indices(_PLACES, a), axis=-1)
+    matrix = xp.reshape(placed, (*a.shape[:-1], 4, 4)) * constant(_SIGNS, a)
+    return xp.sum(matrix * b[..., None, :], axis=-1)
 
 
 def quat_inv(q: Array) -> Array:
     """Inverse of unit quaternions. [..., 4] -> [..., 4]."""
-    return q * like([-1.0, -1.0, -1.0, 1.0], q)
+    return q * constant(_CONJUGATE, q)
 
 
 def quat_rotate(q: Array, v: Array) -> Array:
@@ -124,13 +140,8 @@ def quat_from_matrix(m: Array) -> Array:
 def quat_to_matrix(q: Array) -> Array:
     """[..., 4] -> rotation matrices [..., 3, 3]."""
     xp = namespace(q)
-    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    rows = [
-        xp.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=-1),
-        xp.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=-1),
-        xp.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=-1),
-    ]
-    return xp.stack(rows, axis=-2)
+    products = xp.reshape(q[..., :, None] * q[..., None, :], (*q.shape[:-1], 16))
+    return xp.reshape(products @ constant(_SQUARES, q), (*q.shape[:-1], 3, 3)) + constant(_IDENTITY, q)
 
 
 def quat_from_6d(d: Array) -> Array:

@@ -111,6 +111,33 @@ class Skeleton:
             levels.append(Level(tuple(joints), tuple(above.index(self.parents[j]) for j in joints)))
 
     @cached_property
+    def level_places(self) -> tuple[int, ...]:
+        """For every joint its place when the levels are laid one after the other."""
+        order = [j for level in self.levels for j in level.joints]
+        return tuple(sorted(range(len(order)), key=order.__getitem__))
+
+    @cached_property
+    def upper_joints(self) -> tuple[int, ...]:
+        """For every joint the one that its bone hangs on: its parent, the root for the root."""
+        return (0, *self.parents[1:])
+
+    @cached_property
+    def ancestors(self) -> np.ndarray:
+        """[J, J] 1 where the column's joint is the row's or above it."""
+        above = np.eye(self.joint_count, dtype=np.float32)
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                above[joint] += above[parent]
+        return above
+
+    @cached_property
+    def bone_offsets(self) -> np.ndarray:
+        """[J, 3] `rest_offsets` [m] without the root's, which no bone carries."""
+        offsets = np.array(self.rest_offsets)
+        offsets[0] = 0.0
+        return offsets
+
+    @cached_property
     def mirror(self) -> tuple[int, ...]:
         """For every joint its left-right partner (itself in the middle)."""
         return tuple(self._index.get(_mirror_name(name), i) for i, name in enumerate(self.joint_names))

@@ -13,7 +13,9 @@ from roam_character.skeleton import humanoid_skeleton
 from roam_serving.errors import NOT_READY, ServiceError
 from roam_serving.metrics import Metrics
 from roam_serving.readiness import Readiness
-from roam_serving.server import Addresses, running, serve
+from roam_serving.server import Addresses, running
+from roam_serving.server import main as run
+from roam_serving.shipped import weights_of
 from roam_serving.skeletons import skeleton_message
 
 from roam_goalpose.api import rpc
@@ -102,7 +104,8 @@ class GoalPoseService:
         """The networks, here or in processes of their own."""
         settings = _synthesizer_settings(self._settings)
         if not self._settings.workers:
-            return Synthesizer.load(settings)
+            with weights_of("the descriptor field", settings.weights):
+                return Synthesizer.load(settings)
         self._pool = SynthesizerPool(
             settings,
             processes=self._settings.workers,
@@ -138,8 +141,7 @@ def goalpose_server(settings: GoalPoseSettings | None = None) -> AbstractAsyncCo
 
 def main() -> None:
     """`python -m roam_goalpose.app`; see --help."""
-    settings = GoalPoseSettings(_cli_parse_args=True, _cli_prog_name="python -m roam_goalpose.app")
-    serve([GoalPoseService(settings)], settings)
+    run(GoalPoseSettings, GoalPoseService, program="python -m roam_goalpose.app")
 
 
 if __name__ == "__main__":

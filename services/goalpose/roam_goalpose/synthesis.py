@@ -14,12 +14,14 @@ import torch
 from roam_character.retarget import RetargetError
 from roam_character.skeleton import Skeleton
 from roam_serving.cache import RecentCache
+from roam_serving.shipped import REFERENCES, WEIGHTS
 
-from roam_goalpose.assessment.ranking import choose_diverse
-from roam_goalpose.assessment.result import GoalPoseResult, RankedPose, ranked_pose, summaries
-from roam_goalpose.energy.constraint import NONE, Constraints, constraints_in
-from roam_goalpose.energy.descriptor import DescriptorField
-from roam_goalpose.energy.total import ReferenceModel, Target, models_stack
+from roam_goalpose.assessment.result import GoalPoseResult, RankedPose, choose_diverse, ranked_pose, summaries
+from roam_goalpose.energy.constraints import NONE, Constraints, constraints_in
+from roam_goalpose.energy.object import DescriptorField
+from roam_goalpose.energy.reference import ReferenceModel, models_stack
+from roam_goalpose.energy.scene import Target
+from roam_goalpose.energy.terms import TERMS, published_weights
 from roam_goalpose.field.field import Field
 from roam_goalpose.objects import Shape
 from roam_goalpose.objects.own_axes import Placement, in_own_axes
@@ -28,8 +30,8 @@ from roam_goalpose.references.model import StudiedPair, model_reference, study_p
 from roam_goalpose.references.pairs import ACTIONS, ReferencePair, load_references
 from roam_goalpose.solvers.candidates import Candidates
 from roam_goalpose.solvers.paper import PaperConfig, solve_paper
-from roam_goalpose.solvers.places import find_places
 from roam_goalpose.solvers.progress import Listener, Progress, Watch
+from roam_goalpose.solvers.search import find_places
 from roam_goalpose.solvers.sharing import SharedSteps
 from roam_goalpose.solvers.staged import SolverConfig, solve
 
@@ -46,7 +48,6 @@ __all__ = [
 SOLVERS = ("default", "paper")
 ENCODER_POINTS = 1500
 MODELS = 96  # reference models remembered: the shipped pairs for some skeletons and seeds
-_CHECKOUT = Path(__file__).parents[3]
 
 
 class RequestError(ValueError):
@@ -61,8 +62,8 @@ class RequestError(ValueError):
 class SynthesizerSettings:
     """Where the weights and reference pairs are."""
 
-    weights: Path = _CHECKOUT / "weights" / "field.safetensors"
-    references: Path = _CHECKOUT / "examples" / "references"
+    weights: Path = WEIGHTS / "field.safetensors"
+    references: Path = REFERENCES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +83,12 @@ class GoalPoseRequest:
     weights: tuple[tuple[str, float], ...] = ()  # energy terms that weigh otherwise than the default solver says
     pair: ReferencePair | None = None  # a pair of the caller's own, instead of a shipped one
     skeleton: Skeleton | None = None  # who sits; None: the one of the reference pairs
+
+    def weight_of(self, term: str) -> float:
+        """What a term of the energy weighs, unless the synthesizer's own configuration says otherwise."""
+        if self.solver == "paper":
+            return published_weights()[term]
+        return dict(self.weights).get(term, TERMS[term].weight)
 
     @property
     def key(self) -> dict[str, Any]:
@@ -192,7 +199,7 @@ class Synthesizer:
         with self._lock:
             known = self._models.get(key)
             if known is None:
-                known = model_reference(self._study(pair), self.field, samples=samples, seed=seed)
+                known = model_reference(self._study(pair), samples=samples, seed=seed)
                 self._models.put(key, known)
             return known
 
@@ -217,7 +224,7 @@ class Synthesizer:
         request: GoalPoseRequest,
         watch: Watch,
     ) -> Candidates:
-        config = replace(self.config, weights=replace(self.config.weights, **dict(request.weights)))
+        config = replace(self.config, weights=self.config.weights.changed(dict(request.weights)))
         wishes = target.constraints
         places = find_places(shape)
         if wishes.seat_point is not None:

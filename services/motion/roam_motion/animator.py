@@ -1,6 +1,5 @@
 """The application object of the motion domain: start characters, step many of them in one batch."""
 
-import json
 import math
 import struct
 from collections.abc import Sequence
@@ -11,33 +10,33 @@ from pathlib import Path
 import numpy as np
 import torch
 from roam_character.volume import Volume
-from safetensors import safe_open
 from torch import Tensor
 
-from roam_motion.animation.blending import WHOLE, Blending
+from roam_motion.actions import ACTIONS, IDLE, STYLES, action_numbered
+from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture, furniture_of, near
-from roam_motion.animation.figure import Figure, humanoid_figure
+from roam_motion.animation.figure import CONTACT_JOINTS, Figure, humanoid_figure
 from roam_motion.animation.living import WIDTH as LIFE
 from roam_motion.animation.manner import drawn
 from roam_motion.animation.rows import split_array
-from roam_motion.animation.state import ACTIONS, FUTURE, PAST, Characters, shapes_of
-from roam_motion.control.controller import INTERACT, Body, Control, control, goals_of
+from roam_motion.animation.state import FUTURE, PAST, Characters, shapes_of
+from roam_motion.control.actions import transition
+from roam_motion.control.controller import INTERACT, Body, Control, control
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.planner import Plan
 from roam_motion.control.seat import Seat, resting
 from roam_motion.graphs import Graphs, Shown
-from roam_motion.models.lnsm.network import MotionNetwork, NetworkConfig, Normaliser
-from roam_motion.models.lnsm.prediction import Prediction
+from roam_motion.models.registry import MotionModel, load_model
 
 __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", "Steer"]
 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\4"
+_MARK = b"ROAM\7"
 # Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
 _HEAD = struct.Struct("<5s6i9d")
-_STANDING, _LYING = -1, 1  # of the head's seat
+_NO_SEAT = 0  # in the head, where else the number of the seat's action is
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,24 +46,40 @@ class CharacterState:
     row: np.ndarray  # [D] its row of `Characters`
     control: Control
 
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where it is on the floor: x, z [m] of the hips."""
+        x, _, z = split_array(self.row[None], shapes_of(len(self.row)))["hips"][0].tolist()
+        return x, z
+
     def to_bytes(self) -> bytes:
-        """Exact serialised form: a head; the row, the seat and its depths as float32; the furniture's volume.
+        """Exact serialised form: a head; the row, the seat and its depths as float32; the furniture's volume."""
+        head, volume = self.split()
+        return head + (volume.packed if volume else b"")
+
+    def split(self) -> tuple[bytes, Volume | None]:
+        """The same in two: what changes from frame to frame, and the furniture, which many states share.
 
         A server writes thousands a minute.
         """
         memory, seat = self.control, self.control.seat
-        parts, tail, kind = [self.row], b"", _STANDING
+        parts, volume, kind = [self.row], None, _NO_SEAT
         if seat is not None:
             parts += [getattr(seat, name) for name in _SEAT_FIELDS]
-            kind = _LYING if seat.lying else 0
+            kind = ACTIONS[seat.action].number
             if seat.volume is not None and seat.depths is not None:
                 parts.append(seat.depths)
-                tail = seat.volume.packed
-        depths = len(parts[-1]) if tail else 0
+                volume = seat.volume
+        depths = len(parts[-1]) if volume else 0
         times = memory.clock, memory.along, memory.pace
         integers = memory.mode, memory.since, memory.waiting, kind, len(self.row), depths
         head = _HEAD.pack(_MARK, *integers, *memory.plan, *times)
-        return head + b"".join(part.astype("<f4").tobytes() for part in parts) + tail
+        return head + b"".join(part.astype("<f4").tobytes() for part in parts), volume
+
+    @staticmethod
+    def joined(head: bytes, volume: Volume | None) -> "CharacterState":
+        """The state that `split` took apart. ValueError when the bytes are something else."""
+        return CharacterState.from_bytes(head + (volume.packed if volume else b""))
 
     @staticmethod
     def from_bytes(data: bytes) -> "CharacterState":
@@ -73,24 +88,27 @@ class CharacterState:
             raise ValueError("not a character state")
         _, mode, since, waiting, kind, width, depths, *plan, clock, along, pace = _HEAD.unpack_from(data)
         joints = shapes_of(width)["velocities"][0]
-        count = width + (0 if kind == _STANDING else 12 * joints + 8 + depths)
+        count = width + (0 if kind == _NO_SEAT else 12 * joints + 8 + depths)
         if len(data) < _HEAD.size + 4 * count:
             raise ValueError("a character state that was cut short")
         numbers = np.frombuffer(data, "<f4", count, _HEAD.size).astype(np.float32)
         tail, seat = data[_HEAD.size + 4 * count :], None
         if bool(tail) != bool(depths):
             raise ValueError("a character state of another length than it says")
-        if kind != _STANDING:
-            seat = _seat(numbers[width:], joints, kind == _LYING, Volume.unpacked(tail) if tail else None)
+        if kind != _NO_SEAT:
+            action = action_numbered(kind)
+            if action is None:
+                raise ValueError(f"a character state with action {kind}, which this build does not know")
+            seat = _seat(numbers[width:], joints, action.name, Volume.unpacked(tail) if tail else None)
         return CharacterState(numbers[:width], Control(Plan(*plan), mode, seat, since, waiting, clock, along, pace))
 
 
-def _seat(numbers: np.ndarray, joints: int, lying: bool, volume: Volume | None) -> Seat:
+def _seat(numbers: np.ndarray, joints: int, action: str, volume: Volume | None) -> Seat:
     """From its numbers [12 J + 8 + P] in the order of `_SEAT_FIELDS`, then the depths."""
     ends = [3 * joints, 12 * joints, 12 * joints + 4, 12 * joints + 8]
     positions, orientations, root, stand, depths = np.split(numbers, ends)
     shaped = positions.reshape(-1, 3), orientations.reshape(-1, 3, 3)
-    return Seat(*shaped, root, stand, lying, volume, depths if volume is not None else None)
+    return Seat(action, *shaped, root, stand, volume, depths if volume is not None else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,49 +130,39 @@ class FrameData:
 
 
 class Animator:
-    """Loaded weights; stateless between calls, so one serves every session."""
+    """A motion model at work; stateless between calls, so one serves every session.
 
-    def __init__(
-        self,
-        figure: Figure,
-        network: MotionNetwork,
-        normaliser: Normaliser,
-        starts: dict[str, Tensor],
-        blending: Blending = WHOLE,
-    ) -> None:
-        self.figure, self._blending, self._starts = figure, blending, starts
-        self._network, self._normaliser = network, normaliser
+    `blending` is the model's own unless an evaluation leaves something out.
+    """
+
+    def __init__(self, model: MotionModel, blending: Blending | None = None) -> None:
+        self._model, self._blending = model, blending or model.blending
+
+    @property
+    def figure(self) -> Figure:
+        """The skeleton."""
+        return self._model.figure
 
     @cached_property
     def _graphs(self) -> Graphs:
         """Made for the first step: a server that steps elsewhere only starts characters."""
-        return Graphs(self.figure, Prediction(self._network, self._normaliser), self._blending)
+        return Graphs(self.figure, self._model.predictor(), self._blending)
 
     @staticmethod
-    def load(weights: str | Path, blending: Blending = WHOLE) -> "Animator":
-        """From a .safetensors file. ValueError when it was trained for another skeleton."""
-        figure = humanoid_figure()
-        with safe_open(str(weights), "pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
-        if metadata.get("skeleton") != figure.skeleton.id:
-            raise ValueError(f"{weights} was trained for skeleton {metadata.get('skeleton')}, not {figure.skeleton.id}")
-        config = NetworkConfig(**json.loads(metadata["config"]))
-        network, normaliser = MotionNetwork(config), Normaliser(config)
-        network.load_state_dict(_part(tensors, "network."))
-        normaliser.load_state_dict(_part(tensors, "normaliser."))
-        return Animator(figure, network, normaliser, _part(tensors, "start."), blending)
+    def load(weights: str | Path, blending: Blending | None = None) -> "Animator":
+        """From a .safetensors file. ValueError when its model is not known, or made for another skeleton."""
+        return Animator(load_model(weights, humanoid_figure()), blending)
 
     def start(self, position_xz: Sequence[float], yaw: float, seed: int = 0) -> CharacterState:
         """A character standing quietly at a place [m] with a heading [rad]; the seed picks stance and gait phase."""
         rng = np.random.default_rng(seed)
-        pick = int(rng.integers(len(self._starts["height"])))
+        pick = int(rng.integers(len(self._model.starts["height"])))
         turn = torch.tensor(
             [[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]], dtype=torch.float32
         )
-        orientations = (turn @ self._starts["orientations"][pick])[None]
+        orientations = (turn @ self._model.starts["orientations"][pick])[None]
         x, z = float(position_xz[0]), float(position_xz[1])
-        hips = torch.tensor([[x, float(self._starts["height"][pick]), z]])
+        hips = torch.tensor([[x, float(self._model.starts["height"][pick]), z]])
         batch = _standing(self.figure, hips, orientations, float(rng.random()), drawn(seed))
         return CharacterState(batch.rows()[0].numpy(), Control(Plan(x, z, yaw=yaw), clock=_LONG * float(rng.random())))
 
@@ -175,23 +183,25 @@ class Animator:
             Body(x, z, math.atan2(dx, dz), height, (a, b), tuple(manner))
             for x, z, dx, dz, height, a, b, *manner in self._graphs.bodies(rows)
         ]
-        memories, commands = control(self.figure, [state.control for state in states], intents, bodies)
+        memories, goals = control(self.figure, [state.control for state in states], intents, bodies)
         if not self._blending.settling:
-            commands = [command._replace(urgency=0.0) for command in commands]
-        goals, life = goals_of(self.figure, commands), _life(self.figure, memories, intents)
+            goals.fields["urgency"][:] = 0.0
+        life = _life(self.figure, memories, intents)
         settled = split_array(rows, shapes_of(rows.shape[1]))["settled"]
-        shown = self._graphs.step(rows, goals, life, _around(memories, bodies, settled))
-        frames = _frames(shown, memories)
+        shown = self._graphs.step(rows, goals.rows, life, _around(self.figure, memories, bodies, settled))
+        frames = _frames(self.figure, shown, memories)
         after = [CharacterState(row.copy(), memory) for row, memory in zip(shown.rows, memories, strict=True)]
         return list(zip(after, frames, strict=True))
 
 
-def _frames(shown: Shown, memories: Sequence[Control]) -> list[FrameData]:
+def _frames(figure: Figure, shown: Shown, memories: Sequence[Control]) -> list[FrameData]:
     """One of each; those who take or hold a goal pose tell how far it is."""
-    gaps = [_gap(memory, *of_each) for memory, *of_each in zip(memories, shown.positions, shown.apart, strict=True)]
-    actions = [ACTIONS[int(style)] for style in shown.style]
+    told = [
+        _told(figure, memory, *of_each)
+        for memory, *of_each in zip(memories, shown.style, shown.positions, shown.apart, strict=True)
+    ]
     numbers = (shown.root, shown.rotations, shown.snorm16, shown.positions, shown.contacts > 0)
-    return [FrameData(*parts) for parts in zip(*numbers, actions, gaps, strict=True)]
+    return [FrameData(*parts, *labels) for *parts, labels in zip(*numbers, told, strict=True)]
 
 
 def _life(figure: Figure, memories: Sequence[Control], intents: Sequence[Intent]) -> np.ndarray:
@@ -206,44 +216,49 @@ def _life(figure: Figure, memories: Sequence[Control], intents: Sequence[Intent]
     return rows
 
 
-def _gap(memory: Control, positions: np.ndarray, apart: np.ndarray) -> float | None:
-    """Mean joint distance to the goal pose [m]: `apart` is from the pose asked of the network, which for someone who is
-    about to lie down is another one."""
+def _told(
+    figure: Figure, memory: Control, style: float, positions: np.ndarray, apart: float
+) -> tuple[str, float | None]:
+    """The action that a frame shows, and the mean joint distance to the goal pose [m], if there is one.
+
+    `apart` is from the pose asked of the model, which on a planned way is another one.
+    """
+    name = STYLES[int(style)]
     if memory.mode != INTERACT or memory.seat is None:
-        return None
-    if memory.seat.lying:
-        return float(np.linalg.norm(positions - memory.seat.positions, axis=-1).mean())
-    return float(apart)
+        return name, None
+    if ACTIONS[memory.seat.action].style == name:
+        name = memory.seat.action
+    if transition(figure, memory.seat):
+        return name, float(np.linalg.norm(positions - memory.seat.positions, axis=-1).mean())
+    return name, float(apart)
 
 
 def _around(
-    controls: Sequence[Control], bodies: Sequence[Body], settled: np.ndarray
+    figure: Figure, controls: Sequence[Control], bodies: Sequence[Body], settled: np.ndarray
 ) -> tuple[Tensor, Furniture] | None:
     """The rows of characters that can touch their goal's furniture, and it; not of those who hold their goal pose."""
-    rows, volumes, allowed, lying = [], [], [], []
+    rows, volumes, allowed, onto = [], [], [], []
     for row, (memory, body) in enumerate(zip(controls, bodies, strict=True)):
         seat = memory.seat
         if seat is None or seat.volume is None or seat.depths is None or settled[row] > _HELD:
             continue
-        if not near(seat.volume, body.x, body.z):
+        if not near(figure, seat.volume, body.x, body.z):
             continue
         rows.append(row)
         volumes.append(seat.volume)
         allowed.append(seat.depths)
-        lying.append(memory.along > 0)
-    return (torch.tensor(rows), furniture_of(volumes, allowed, lying)) if rows else None
-
-
-def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+        onto.append(memory.along > 0)
+    return (torch.tensor(rows), furniture_of(volumes, allowed, onto)) if rows else None
 
 
 def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float, manner: np.ndarray) -> Characters:
     """A batch of one that has stood still for a second."""
     positions = figure.positions(hips, orientations)
     frame = figure.frame(positions)
-    row = torch.cat([frame.origin, frame.direction, torch.tensor([[1.0, 0.0, 0.0, 0.0, phase]])], 1)
-    planted = torch.ones(1, 4)
+    row = torch.cat(
+        [frame.origin, frame.direction, torch.tensor([[*(float(style == IDLE.style) for style in STYLES), phase]])], 1
+    )
+    planted = torch.ones(1, len(CONTACT_JOINTS))
     return Characters(
         hips=hips,
         orientations=orientations,

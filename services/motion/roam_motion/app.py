@@ -11,38 +11,42 @@ import grpc
 import torch
 from fastapi import APIRouter
 from roam_character.body import body_capsules
-from roam_character.skeleton import humanoid_skeleton
+from roam_character.skeleton import Skeleton, humanoid_skeleton
 from roam_serving.errors import NOT_READY, ServiceError
 from roam_serving.metrics import Metrics
 from roam_serving.readiness import Readiness
-from roam_serving.server import Addresses, running, serve
+from roam_serving.server import Addresses, running
+from roam_serving.server import main as run
+from roam_serving.shipped import WEIGHTS, weights_of
 from roam_serving.skeletons import skeleton_message
 
+from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
 from roam_motion.api import rpc
 from roam_motion.api.http import motion_router
 from roam_motion.api.websocket import websocket_router
+from roam_motion.control.plausibility import check_goal
 from roam_motion.session.application import MotionApplication
-from roam_motion.session.build import build_name
-from roam_motion.session.step_process import StepProcess
 from roam_motion.session.store.base import SessionStore
+from roam_motion.session.store.codec import RecordCodec
 from roam_motion.session.store.redis import RedisStore
+from roam_motion.session.worker import WorkerProcess, build_name
 from roam_motion.settings import MotionSettings
 
-SHIPPED_WEIGHTS = Path(__file__).parents[3] / "weights" / "motion.safetensors"
+SHIPPED_WEIGHTS = WEIGHTS / "motion.safetensors"
 
 
-def _load(weights: Path, settings: MotionSettings) -> tuple[Animator, StepProcess | None]:
+def _load(weights: Path, settings: MotionSettings) -> tuple[Animator, WorkerProcess | None]:
     """The network, and the process that steps where it is not this one."""
     if not settings.step_process:
         return Animator.load(weights).warmed(), None
-    stepping = StepProcess(weights, torch_threads=settings.torch_threads)
-    return Animator.load(weights), stepping
+    worker = WorkerProcess(weights, torch_threads=settings.torch_threads)
+    return Animator.load(weights), worker
 
 
-def _store(settings: MotionSettings) -> SessionStore | None:
+def _store(settings: MotionSettings, skeleton: Skeleton) -> SessionStore | None:
     """The store that replicas share; None for a replica that is alone."""
-    return None if settings.session_store == "memory" else RedisStore.at(settings.session_store)
+    return None if settings.session_store == "memory" else RedisStore.at(settings.session_store, RecordCodec(skeleton))
 
 
 def _tell_health(readiness: Readiness, well: bool) -> None:
@@ -53,14 +57,14 @@ def _tell_health(readiness: Readiness, well: bool) -> None:
 
 
 class MotionService:
-    """The motion service as `serving` runs it; implements serving.service.Service."""
+    """The motion service as `serving` runs it; implements `roam_serving.service.Service`."""
 
     name = "motion"
 
     def __init__(self, settings: MotionSettings) -> None:
         self._settings = settings
         self._application: MotionApplication | None = None
-        self._stepping: StepProcess | None = None
+        self._worker: WorkerProcess | None = None
         self._models: dict[str, str] = {}
         self._skeleton = humanoid_skeleton()
         self.skeletons = [skeleton_message(self._skeleton, body_capsules(self._skeleton))]
@@ -81,20 +85,21 @@ class MotionService:
         weights = Path(self._settings.motion_weights) if self._settings.motion_weights else SHIPPED_WEIGHTS
         if not weights.exists():
             raise FileNotFoundError(f"no motion weights at {weights}; train them with `roam train motion`")
-        animator, self._stepping = await asyncio.to_thread(_load, weights, self._settings)
+        with weights_of("the motion network", weights):
+            animator, self._worker = await asyncio.to_thread(_load, weights, self._settings)
         digest = f"sha256:{hashlib.sha256(weights.read_bytes()).hexdigest()}"
         self._models = {"motion": digest}
-        header = self.skeletons[0].skeleton
         self._application = MotionApplication(
             animator,
             self._skeleton,
-            header,
             self._settings,
             metrics.registry,
-            store=_store(self._settings),
-            frames=self._stepping.frames if self._stepping else None,
+            store=_store(self._settings, self._skeleton),
+            frames=self._worker.frames if self._worker else None,
             build=build_name(digest),
+            check_goal=partial(check_goal, humanoid_figure()),
             on_health=partial(_tell_health, readiness),
+            on_failure=partial(readiness.fail, "motion"),
         )
         await self._application.start()
 
@@ -102,12 +107,12 @@ class MotionService:
         """HTTP and WebSocket routes."""
         router = APIRouter()
         router.include_router(motion_router(self._loaded))
-        router.include_router(websocket_router(self._loaded))
+        router.include_router(websocket_router(self._loaded, self.skeletons[0].skeleton))
         return router
 
     def add_to(self, server: grpc.aio.Server) -> Sequence[str]:
         """The gRPC service."""
-        return rpc.add_to(server, self._loaded)
+        return rpc.add_to(server, self._loaded, self.skeletons[0].skeleton)
 
     async def drain(self) -> None:
         """Ends the streams and hands the sessions over."""
@@ -118,8 +123,8 @@ class MotionService:
         """Stops the ticker and the process that steps."""
         if self._application is not None:
             await self._application.close()
-        if self._stepping is not None:
-            await asyncio.to_thread(self._stepping.close)
+        if self._worker is not None:
+            await asyncio.to_thread(self._worker.close)
 
     def _loaded(self) -> MotionApplication:
         if self._application is None:
@@ -135,8 +140,7 @@ def motion_server(settings: MotionSettings | None = None) -> AbstractAsyncContex
 
 def main() -> None:
     """`python -m roam_motion.app`; see --help."""
-    settings = MotionSettings(_cli_parse_args=True, _cli_prog_name="python -m roam_motion.app")
-    serve([MotionService(settings)], settings)
+    run(MotionSettings, MotionService, program="python -m roam_motion.app")
 
 
 if __name__ == "__main__":

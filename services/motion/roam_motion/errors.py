@@ -16,6 +16,20 @@ SESSION_QUOTA = ErrorKind(
     "As many sessions are alive as the server accepts",
     "Delete sessions that are done, or wait until idle ones are reclaimed.",
 )
+CONTROL_BUDGET = ErrorKind(
+    "CONTROL_BUDGET",
+    StatusCode.RESOURCE_EXHAUSTED,
+    429,
+    "More controls were sent than the server keeps for one session or caller",
+    "Send a goal once, not with every frame, and steer at most as often as frames come; go on after Retry-After.",
+)
+GOAL_UNREACHABLE = ErrorKind(
+    "GOAL_UNREACHABLE",
+    StatusCode.FAILED_PRECONDITION,
+    409,
+    "There is no way from the character to the goal",
+    "Leave a gap of 25 cm between obstacles, leave out those that may be walked through, or start elsewhere.",
+)
 SESSION_ELSEWHERE = ErrorKind(
     "SESSION_ELSEWHERE",
     StatusCode.UNAVAILABLE,
@@ -62,6 +76,8 @@ MESSAGE_MALFORMED = ErrorKind(
 MOTION_ERRORS: tuple[ErrorKind, ...] = (
     SESSION_NOT_FOUND,
     SESSION_QUOTA,
+    CONTROL_BUDGET,
+    GOAL_UNREACHABLE,
     SESSION_ELSEWHERE,
     STORE_DOWN,
     SEQUENCE_AHEAD,

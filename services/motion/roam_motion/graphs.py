@@ -12,15 +12,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, Proposal, cleared, propose, settle
+from roam_motion.animation.advance import Proposal, cleared, propose, settle
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture
-from roam_motion.animation.features import Goals, goal_shapes
-from roam_motion.animation.figure import Figure
+from roam_motion.animation.figure import CONTACT_JOINTS, Figure
 from roam_motion.animation.living import WIDTH as LIFE
 from roam_motion.animation.living import Life, alive, gazed
+from roam_motion.animation.prediction import Goals, Predict, goal_shapes
 from roam_motion.animation.rows import join, row_width, split_array
-from roam_motion.animation.state import Characters, characters_width
+from roam_motion.animation.state import ROOT, STYLE, Characters, characters_width
 from roam_motion.animation.swing import swinging, walking
 from roam_motion.animation.torchscript import frozen, running
 
@@ -38,7 +38,7 @@ class Shown:
     snorm16: np.ndarray  # [B, J, 4] int16: the same times 32767
     positions: np.ndarray  # [B, J, 3] [m]
     contacts: np.ndarray  # [B, 4] 1 held, 0 free
-    style: np.ndarray  # [B] index of the action
+    style: np.ndarray  # [B] index of the style
     apart: np.ndarray  # [B] mean joint distance to the goal pose [m]
 
 
@@ -106,7 +106,7 @@ class Graphs:
 def _bodies(figure: Figure, characters: Characters) -> Tensor:
     positions = figure.positions(characters.hips, characters.orientations)
     feet = positions.index_select(1, figure.legs[:, 2])[..., ::2].mean(1)
-    return torch.cat([characters.past[:, -1, :4], characters.hips[:, 1:2], feet, characters.manner], 1)
+    return torch.cat([characters.past[:, -1, ROOT], characters.hips[:, 1:2], feet, characters.manner], 1)
 
 
 def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, life: Life) -> tuple[Tensor, Tensor]:
@@ -121,7 +121,7 @@ def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, life
         "rotations": rotations,
         "positions": positions,
         "contacts": (after.lock_weights >= 1).float(),
-        "style": after.past[:, -1, 4:8].argmax(-1).float(),
+        "style": after.past[:, -1, STYLE].argmax(-1).float(),
         "apart": torch.linalg.vector_norm(positions - goal, dim=-1).mean(-1),
     }
     short = (rotations.clamp(-1.0, 1.0) * _SNORM16).round().to(torch.int16)
@@ -133,7 +133,7 @@ def _shown_shapes(joints: int) -> dict[str, tuple[int, ...]]:
         "root": (7,),
         "rotations": (joints, 4),
         "positions": (joints, 3),
-        "contacts": (4,),
+        "contacts": (len(CONTACT_JOINTS),),
         "style": (),
         "apart": (),
     }

@@ -8,6 +8,14 @@ class MotionSettings(ServerSettings):
     """What `python -m roam_motion.app` takes besides the addresses."""
 
     max_sessions: int = Field(256, ge=1, description="most sessions alive at once")
+    caller_sessions: int = Field(0, ge=0, description="most sessions of one API key or address; 0: no limit")
+    controls_per_second: float = Field(120.0, gt=0, description="controls that one session takes in the long run [1/s]")
+    control_bytes: int = Field(
+        1 << 20, ge=1 << 16, description="most that is kept of one session's controls, its goals above all [bytes]"
+    )
+    caller_bytes: int = Field(
+        16 << 20, ge=1 << 16, description="the same of all sessions of one API key or address [bytes]"
+    )
     idle_timeout: float = Field(60.0, gt=0, description="a session without a client is kept this long by default [s]")
     max_idle_timeout: float = Field(3600.0, gt=0, description="longest idle timeout a client may ask for [s]")
     ring_frames: int = Field(900, ge=2, description="frames kept per session, for clients that come back")

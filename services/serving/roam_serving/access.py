@@ -16,6 +16,7 @@ from roam_serving.rates import RateLimiter
 from roam_serving.settings import ServerSettings
 
 CALLER: ContextVar[str] = ContextVar("roam_caller", default="")  # of the request: its key's name, else its address
+OWNER: ContextVar[str] = ContextVar("roam_owner", default="")  # the key's name; "" where no keys are asked: all share
 
 _OPEN_PATHS = ("/livez", "/readyz", "/docs", "/openapi.json", "/static-offline-docs/")
 _OPEN_METHODS = ("/grpc.health.", "/grpc.reflection.")
@@ -50,6 +51,7 @@ class Access:
             if name is None:
                 raise ServiceError(API_KEY_UNKNOWN)
             caller = name
+            OWNER.set(name)
             remember(caller=caller)
         if self._rates is not None:
             self._rates.take(caller)

@@ -183,7 +183,7 @@ def by_reason(kinds: Iterable[ErrorKind]) -> dict[str, ErrorKind]:
 
 
 def table_markdown(sections: Iterable[tuple[str, Iterable[ErrorKind]]]) -> str:
-    """The table as docs/errors.md shows it: one section per (heading, rows)."""
+    """The table as docs/reference/errors.md shows it: one section per (heading, rows)."""
     lines: list[str] = []
     for heading, kinds in sections:
         lines += [f"## {heading}", "", "| reason | gRPC | HTTP | meaning | what to do |", "|---|---|---|---|---|"]

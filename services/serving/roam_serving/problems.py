@@ -117,7 +117,7 @@ PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
                         "title": {"type": "string"},
                         "status": {"type": "integer"},
                         "detail": {"type": "string"},
-                        "reason": {"type": "string", "description": "a reason of docs/errors.md"},
+                        "reason": {"type": "string", "description": "a reason of docs/reference/errors.md"},
                         "remedy": {"type": "string", "description": "what to do"},
                         "errors": {"type": "array", "items": {"type": "object"}, "description": "fields at fault"},
                         "instance": {"type": "string", "description": "urn:roam:request:ID, as in the server's log"},

@@ -4,13 +4,15 @@ import asyncio
 import signal
 import socket
 import sys
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as package_version
+from typing import Any, NoReturn
 
 import grpc
 import uvicorn
+from fastapi import FastAPI
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
 from roam_serving.access import Access
@@ -24,7 +26,7 @@ from roam_serving.logs import configure_logs, get_log
 from roam_serving.metrics import Metrics
 from roam_serving.readiness import Readiness
 from roam_serving.service import Service
-from roam_serving.settings import MIB, ServerSettings, SettingsError
+from roam_serving.settings import MIB, ServerSettings, SettingsError, read_settings
 from roam_serving.skeletons import SkeletonCatalogue, SkeletonServicer, skeletons_router
 from roam_serving.tracing import Tracing
 from roam_serving.transport import transport_security
@@ -59,9 +61,7 @@ def _bind(settings: ServerSettings) -> socket.socket:
     except OSError as error:
         listener.close()
         where = f"{settings.host}:{settings.http_port}"
-        raise OSError(
-            error.errno, f"cannot listen on {where} ({error.strerror}); choose another --http-port"
-        ) from error
+        raise OSError(error.errno, f"cannot listen on {where} ({error.strerror}); choose another HTTP port") from error
     listener.setblocking(False)
     return listener
 
@@ -93,9 +93,13 @@ class Server:
     async def open(self) -> None:
         """Opens both ports; /livez answers from here on, /readyz says that models are loading."""
         self.readiness.block("models", "loading")
-        grpc_port = self._open_grpc()
-        await self._grpc.start()
         listener = _bind(self.settings)
+        try:
+            grpc_port = self._open_grpc()
+        except OSError:
+            listener.close()
+            raise
+        await self._grpc.start()
         self._uvicorn = _Uvicorn(self._uvicorn_config())
         self._http_task = asyncio.create_task(self._uvicorn.serve(sockets=[listener]))
         host = _host(self.settings.host)
@@ -147,10 +151,11 @@ class Server:
                 return int(self._grpc.add_secure_port(where, self._tls.grpc_credentials()))
             return int(self._grpc.add_insecure_port(where))
         except RuntimeError as error:
-            raise OSError(f"cannot listen on {where}; choose another --grpc-port") from error
+            raise OSError(f"cannot listen on {where}; choose another gRPC port") from error
 
-    def _uvicorn_config(self) -> uvicorn.Config:
-        app = create_http_app(
+    def http_application(self) -> FastAPI:
+        """Everything that answers over HTTP."""
+        return create_http_app(
             title=f"ROAM {' and '.join(service.name for service in self.services)}",
             version=VERSION,
             routers=[
@@ -164,8 +169,10 @@ class Server:
             access=self._access,
             tracing=self._tracing,
         )
+
+    def _uvicorn_config(self) -> uvicorn.Config:
         return uvicorn.Config(
-            app,
+            self.http_application(),
             log_config=None,
             access_log=False,
             lifespan="off",
@@ -225,4 +232,26 @@ def serve(services: Sequence[Service], settings: ServerSettings) -> None:
     try:
         asyncio.run(_serve(services, settings))
     except (OSError, SettingsError) as error:
-        sys.exit(str(error))
+        end_with_sentence(error)
+
+
+def end_with_sentence(error: OSError | SettingsError) -> NoReturn:
+    """Ends the process with exit code 2: whoever started it must change a setting."""
+    print(f"error: {reason_of(error)}", file=sys.stderr)
+    sys.exit(2)
+
+
+def reason_of(error: OSError | SettingsError) -> str:
+    """Why a server cannot start, without the number of the operating system's error."""
+    if not isinstance(error, OSError) or error.strerror is None:
+        return str(error)
+    return f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+
+
+def main(kind: type[ServerSettings], make: Callable[[Any], Service], *, program: str) -> None:
+    """A server as a program: settings from the arguments and the environment, one sentence when they are wrong."""
+    try:
+        settings = read_settings(kind, _cli_parse_args=True, _cli_prog_name=program)
+    except SettingsError as error:
+        end_with_sentence(error)
+    serve([make(settings)], settings)

@@ -61,12 +61,13 @@ class Object(_message.Message):
     POINT_COUNT_FIELD_NUMBER: _builtins.int
     WARNINGS_FIELD_NUMBER: _builtins.int
     FOOTPRINT_FIELD_NUMBER: _builtins.int
+    PIECES_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """"objects/sha256:<hex>": hash of the canonical surface points and the transform."""
     format: _builtins.str
-    """Format that was read: obj, glb, gltf, ply, stl, off, xyz, pcd or npy."""
+    """Format that was read: glb, gltf, obj, ply, stl, off, xyz, pcd, npy, usd, usdz, fbx, dae, 3mf, las, e57 or zip."""
     unit: _builtins.str
-    """Unit of the file: m, cm, mm, in or ft; given by the caller or detected."""
+    """Unit of the file: m, cm, mm, in or ft; given by the caller, declared by the file or detected; empty for another."""
     up_axis: _builtins.str
     """Up axis of the file: "x", "y" or "z", with a leading "-" when it points down."""
     floor_height: _builtins.float
@@ -93,6 +94,10 @@ class Object(_message.Message):
     def footprint(self) -> _containers.RepeatedCompositeFieldContainer[_skeleton_pb2.Outline]:
         """What it covers of the floor; to be walked round (Goal.obstacles)."""
 
+    @_builtins.property
+    def pieces(self) -> _containers.RepeatedCompositeFieldContainer[Global___Piece]:
+        """What a file of several holds, in its order; empty for a file of one piece."""
+
     def __init__(
         self,
         *,
@@ -107,14 +112,53 @@ class Object(_message.Message):
         point_count: _builtins.int = ...,
         warnings: _abc.Iterable[Global___Warning] | None = ...,
         footprint: _abc.Iterable[_skeleton_pb2.Outline] | None = ...,
+        pieces: _abc.Iterable[Global___Piece] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["bounds_max", b"bounds_max", "bounds_min", b"bounds_min", "floor_height", b"floor_height", "footprint", b"footprint", "format", b"format", "name", b"name", "object_to_world", b"object_to_world", "point_count", b"point_count", "unit", b"unit", "up_axis", b"up_axis", "warnings", b"warnings"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["bounds_max", b"bounds_max", "bounds_min", b"bounds_min", "floor_height", b"floor_height", "footprint", b"footprint", "format", b"format", "name", b"name", "object_to_world", b"object_to_world", "pieces", b"pieces", "point_count", b"point_count", "unit", b"unit", "up_axis", b"up_axis", "warnings", b"warnings"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
 Global___Object: _TypeAlias = Object  # noqa: Y015
+
+@_typing.final
+class Piece(_message.Message):
+    """One of several things in a file."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    NAME_FIELD_NUMBER: _builtins.int
+    CHOSEN_FIELD_NUMBER: _builtins.int
+    BOUNDS_MIN_FIELD_NUMBER: _builtins.int
+    BOUNDS_MAX_FIELD_NUMBER: _builtins.int
+    name: _builtins.str
+    """Of its node or group; may be empty."""
+    chosen: _builtins.bool
+    """Whether it is the one that was taken."""
+    @_builtins.property
+    def bounds_min(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
+        """Smallest world coordinates [m], x y z."""
+
+    @_builtins.property
+    def bounds_max(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
+        """Largest world coordinates [m], x y z."""
+
+    def __init__(
+        self,
+        *,
+        name: _builtins.str = ...,
+        chosen: _builtins.bool = ...,
+        bounds_min: _abc.Iterable[_builtins.float] | None = ...,
+        bounds_max: _abc.Iterable[_builtins.float] | None = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["bounds_max", b"bounds_max", "bounds_min", b"bounds_min", "chosen", b"chosen", "name", b"name"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___Piece: _TypeAlias = Piece  # noqa: Y015
 
 @_typing.final
 class Warning(_message.Message):
@@ -156,14 +200,20 @@ class UploadObjectRequest(_message.Message):
     CHUNK_FIELD_NUMBER: _builtins.int
     UNIT_FIELD_NUMBER: _builtins.int
     UP_AXIS_FIELD_NUMBER: _builtins.int
+    SIZE_FIELD_NUMBER: _builtins.int
+    PIECE_FIELD_NUMBER: _builtins.int
     format: _builtins.str
-    """First message only: obj, glb, gltf, ply, stl, off, xyz, pcd or npy."""
+    """First message only: a format of Object.format, or a file name extension."""
     chunk: _builtins.bytes
     """Bytes, at most 1 MiB a message."""
     unit: _builtins.str
     """First message only: m, cm, mm, in or ft; empty: detect."""
     up_axis: _builtins.str
     """First message only: "x", "y", "z", "-x", "-y" or "-z"; empty: detect."""
+    size: _builtins.float
+    """First message only: height of the object [m], which goes before the unit; absent: as the unit says."""
+    piece: _builtins.str
+    """First message only: name or index of the one to take from a file of several; empty: the best seat."""
     def __init__(
         self,
         *,
@@ -171,12 +221,16 @@ class UploadObjectRequest(_message.Message):
         chunk: _builtins.bytes = ...,
         unit: _builtins.str = ...,
         up_axis: _builtins.str = ...,
+        size: _builtins.float | None = ...,
+        piece: _builtins.str = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_size", b"_size", "size", b"size"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["chunk", b"chunk", "format", b"format", "unit", b"unit", "up_axis", b"up_axis"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_size", b"_size", "chunk", b"chunk", "format", b"format", "piece", b"piece", "size", b"size", "unit", b"unit", "up_axis", b"up_axis"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__size: _TypeAlias = _typing.Literal["size"]  # noqa: Y015
+    _WhichOneofArgType__size: _TypeAlias = _typing.Literal["_size", b"_size"]  # noqa: Y015
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__size) -> _WhichOneofReturnType__size | None: ...
 
 Global___UploadObjectRequest: _TypeAlias = UploadObjectRequest  # noqa: Y015
 

@@ -89,9 +89,11 @@ class _EventTypeEnumTypeWrapper(_enum_type_wrapper._EnumTypeWrapper[_EventType.V
     EVENT_TYPE_DRAINING: _EventType.ValueType  # 3
     """The replica is shutting down; resume elsewhere."""
     EVENT_TYPE_CONTROL_APPLIED: _EventType.ValueType  # 4
-    """A control was taken; sent on the streams of its session."""
+    """A control was taken; sent on the streams of its session, and again on a stream that resumes after a takeover."""
     EVENT_TYPE_SESSION_ENDED: _EventType.ValueType  # 5
     """The session was deleted or expired; the stream ends after this."""
+    EVENT_TYPE_WARNING: _EventType.ValueType  # 6
+    """The session goes on, but something is probably not as its caller means it; reason says what."""
 
 class EventType(_EventType, metaclass=_EventTypeEnumTypeWrapper):
     """Kinds of SessionEvent."""
@@ -105,9 +107,11 @@ EVENT_TYPE_FRAMES_SKIPPED: EventType.ValueType  # 2
 EVENT_TYPE_DRAINING: EventType.ValueType  # 3
 """The replica is shutting down; resume elsewhere."""
 EVENT_TYPE_CONTROL_APPLIED: EventType.ValueType  # 4
-"""A control was taken; sent on the streams of its session."""
+"""A control was taken; sent on the streams of its session, and again on a stream that resumes after a takeover."""
 EVENT_TYPE_SESSION_ENDED: EventType.ValueType  # 5
 """The session was deleted or expired; the stream ends after this."""
+EVENT_TYPE_WARNING: EventType.ValueType  # 6
+"""The session goes on, but something is probably not as its caller means it; reason says what."""
 Global___EventType: _TypeAlias = EventType  # noqa: Y015
 
 @_typing.final
@@ -284,6 +288,7 @@ class Steer(_message.Message):
     VELOCITY_Z_FIELD_NUMBER: _builtins.int
     FACING_FIELD_NUMBER: _builtins.int
     ACTION_FIELD_NUMBER: _builtins.int
+    LOOK_AT_FIELD_NUMBER: _builtins.int
     velocity_x: _builtins.float
     """Desired velocity on the ground [m/s], world x."""
     velocity_z: _builtins.float
@@ -292,6 +297,10 @@ class Steer(_message.Message):
     """Desired facing about +Y [rad]; absent: face where it walks."""
     action: _skeleton_pb2.Action.ValueType
     """Requested action; UNSPECIFIED: walk or stand as the velocity says."""
+    @_builtins.property
+    def look_at(self) -> Global___Point:
+        """A place to look at while walking or standing; absent: ahead."""
+
     def __init__(
         self,
         *,
@@ -299,16 +308,47 @@ class Steer(_message.Message):
         velocity_z: _builtins.float = ...,
         facing: _builtins.float | None = ...,
         action: _skeleton_pb2.Action.ValueType = ...,
+        look_at: Global___Point | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_facing", b"_facing", "facing", b"facing"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_facing", b"_facing", "facing", b"facing", "look_at", b"look_at"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_facing", b"_facing", "action", b"action", "facing", b"facing", "velocity_x", b"velocity_x", "velocity_z", b"velocity_z"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_facing", b"_facing", "action", b"action", "facing", b"facing", "look_at", b"look_at", "velocity_x", b"velocity_x", "velocity_z", b"velocity_z"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__facing: _TypeAlias = _typing.Literal["facing"]  # noqa: Y015
     _WhichOneofArgType__facing: _TypeAlias = _typing.Literal["_facing", b"_facing"]  # noqa: Y015
     def WhichOneof(self, oneof_group: _WhichOneofArgType__facing) -> _WhichOneofReturnType__facing | None: ...
 
 Global___Steer: _TypeAlias = Steer  # noqa: Y015
+
+@_typing.final
+class Point(_message.Message):
+    """A place in world space [m]."""
+
+    DESCRIPTOR: _descriptor.Descriptor
+
+    X_FIELD_NUMBER: _builtins.int
+    Y_FIELD_NUMBER: _builtins.int
+    Z_FIELD_NUMBER: _builtins.int
+    x: _builtins.float
+    """x."""
+    y: _builtins.float
+    """Height."""
+    z: _builtins.float
+    """z."""
+    def __init__(
+        self,
+        *,
+        x: _builtins.float = ...,
+        y: _builtins.float = ...,
+        z: _builtins.float = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["x", b"x", "y", b"y", "z", b"z"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    def WhichOneof(self, oneof_group: _Never) -> None: ...
+
+Global___Point: _TypeAlias = Point  # noqa: Y015
 
 @_typing.final
 class Goal(_message.Message):
@@ -322,6 +362,7 @@ class Goal(_message.Message):
     APPROACH_FIELD_NUMBER: _builtins.int
     OBSTACLES_FIELD_NUMBER: _builtins.int
     VOLUME_FIELD_NUMBER: _builtins.int
+    LOOK_AT_FIELD_NUMBER: _builtins.int
     goal_pose: _builtins.str
     """Name of the goal pose, if it has one; not looked up, only repeated in events."""
     action: _skeleton_pb2.Action.ValueType
@@ -344,6 +385,10 @@ class Goal(_message.Message):
         brush it.
         """
 
+    @_builtins.property
+    def look_at(self) -> Global___Point:
+        """A place to look at on the way and while the pose is held; absent: where the pose looks."""
+
     def __init__(
         self,
         *,
@@ -353,10 +398,11 @@ class Goal(_message.Message):
         approach: _builtins.float | None = ...,
         obstacles: _abc.Iterable[_skeleton_pb2.Outline] | None = ...,
         volume: _skeleton_pb2.Volume | None = ...,
+        look_at: Global___Point | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "approach", b"approach", "pose", b"pose", "volume", b"volume"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "approach", b"approach", "look_at", b"look_at", "pose", b"pose", "volume", b"volume"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "action", b"action", "approach", b"approach", "goal_pose", b"goal_pose", "obstacles", b"obstacles", "pose", b"pose", "volume", b"volume"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_approach", b"_approach", "action", b"action", "approach", b"approach", "goal_pose", b"goal_pose", "look_at", b"look_at", "obstacles", b"obstacles", "pose", b"pose", "volume", b"volume"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__approach: _TypeAlias = _typing.Literal["approach"]  # noqa: Y015
     _WhichOneofArgType__approach: _TypeAlias = _typing.Literal["_approach", b"_approach"]  # noqa: Y015
@@ -477,6 +523,7 @@ class SessionEvent(_message.Message):
     CONTROL_ID_FIELD_NUMBER: _builtins.int
     GOAL_POSE_FIELD_NUMBER: _builtins.int
     SKIPPED_COUNT_FIELD_NUMBER: _builtins.int
+    REASON_FIELD_NUMBER: _builtins.int
     type: Global___EventType.ValueType
     """Its kind."""
     sequence: _builtins.int
@@ -489,6 +536,10 @@ class SessionEvent(_message.Message):
     """For GOAL_REACHED: Goal.goal_pose of the goal."""
     skipped_count: _builtins.int
     """For FRAMES_SKIPPED: how many."""
+    reason: _builtins.str
+    """For WARNING: SPEED_CUT (steering is faster than the character can go; message says how fast it goes), SEAT_TAKEN
+    (another session of the same caller has a goal there) or START_IN_FURNITURE.
+    """
     @_builtins.property
     def reconnect_within(self) -> _duration_pb2.Duration:
         """For DRAINING: reconnect within this time."""
@@ -503,10 +554,11 @@ class SessionEvent(_message.Message):
         control_id: _builtins.int = ...,
         goal_pose: _builtins.str = ...,
         skipped_count: _builtins.int = ...,
+        reason: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["reconnect_within", b"reconnect_within"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["control_id", b"control_id", "goal_pose", b"goal_pose", "message", b"message", "reconnect_within", b"reconnect_within", "sequence", b"sequence", "skipped_count", b"skipped_count", "type", b"type"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["control_id", b"control_id", "goal_pose", b"goal_pose", "message", b"message", "reason", b"reason", "reconnect_within", b"reconnect_within", "sequence", b"sequence", "skipped_count", b"skipped_count", "type", b"type"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 

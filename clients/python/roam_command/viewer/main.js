@@ -20,7 +20,7 @@ const stage = new Stage(at("stage"));
 const playback = new Playback();
 const steering = new Steering();
 
-let character, ghost, furniture, upload, object, goal, session, stream;
+let character, ghost, furniture, object, goal, session, stream;
 let work = null; // AbortController of the goal pose being made
 let phase = "loading";
 let paused = false;
@@ -59,7 +59,6 @@ async function useObject(bytes, options) {
   work?.abort();
   await endSession();
   goal = object = undefined;
-  upload = { bytes, ...options };
   setPhase("reading the object");
   // First the service, which reads files in a process of its own; only what it took is read for display.
   const received = await services.uploadObject(bytes, options);

@@ -5,7 +5,7 @@ export const ACTION_NAMES = ["", "idle", "walk", "sit", "lie"];
 export const Encoding = { FLOAT32: 1, SNORM16: 2 };
 export const Pacing = { REALTIME: 1, CREDIT: 2, BURST: 3 };
 export const EventType = {
-  GOAL_REACHED: 1, FRAMES_SKIPPED: 2, DRAINING: 3, CONTROL_APPLIED: 4, SESSION_ENDED: 5,
+  GOAL_REACHED: 1, FRAMES_SKIPPED: 2, DRAINING: 3, CONTROL_APPLIED: 4, SESSION_ENDED: 5, WARNING: 6,
 };
 
 const Tip = { 1: ["name", "string"], 2: ["joint", "uint32"], 3: ["offset", "float", "repeated"] };

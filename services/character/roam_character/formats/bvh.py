@@ -4,14 +4,18 @@ Lengths in the file are scaled to metres (most files are in centimetres: `unit` 
 given). Rotation channels may come in any order, R = product of the channels as listed.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from roam_character.clip import Clip
-from roam_character.rotation import quat_from_rotvec, quat_mul, quat_to_matrix
+from roam_character.formats.euler import euler_rows
+from roam_character.formats.registry import Format
+from roam_character.formats.scene import Scene
+from roam_character.retargeting.rig_clip import rig_clip
+from roam_character.rotation import quat_from_rotvec, quat_mul
 from roam_character.skeleton import Skeleton, Tip
 
 _AXES = {"X": np.array([1.0, 0, 0]), "Y": np.array([0, 1.0, 0]), "Z": np.array([0, 0, 1.0])}
@@ -125,15 +129,29 @@ def _decode(tree: _Hierarchy, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def write_bvh(path: str | Path, clip: Clip) -> None:
-    """Writes a clip in centimetres and degrees; rotation channels are Zrotation Xrotation Yrotation."""
+    """Writes a clip in centimetres and degrees.
+
+    The root has OFFSET 0 and six channels, every other joint three rotations (Zrotation Xrotation Yrotation, or the
+    order of axes in which its rows are calmest). Rows are continuous, so that readers may interpolate channels.
+    """
     skeleton = clip.skeleton
-    lines = ["HIERARCHY", *_hierarchy_lines(skeleton, 0, 0), "MOTION", f"Frames: {len(clip)}"]
-    lines.append(f"Frame Time: {1 / clip.frame_rate:.8f}")
     order = _written_order(skeleton)
-    angles = np.degrees(_euler_zxy(clip.rotations[:, order])).reshape(len(clip), -1)
-    table = np.concatenate([clip.root_positions * 100, angles], axis=1)
+    turns = [euler_rows(clip.rotations[:, joint]) for joint in range(skeleton.joint_count)]
+    axes = [channels for _, channels in turns]
+    lines = ["HIERARCHY", *_hierarchy_lines(skeleton, axes, 0, 0), "MOTION", f"Frames: {len(clip)}"]
+    lines.append(f"Frame Time: {1 / clip.frame_rate:.8f}")
+    table = np.concatenate([clip.root_positions * 100, *(np.degrees(turns[joint][0]) for joint in order)], axis=1)
     lines += [" ".join(f"{value:.6f}" for value in row) for row in table]
     Path(path).write_text("\n".join(lines) + "\n")
+
+
+def write(path: Path, scene: Scene) -> Sequence[str]:
+    """Writes the skeleton of a scene; meshes and furniture have no place in BVH."""
+    write_bvh(path, scene.clip if scene.character is None else rig_clip(scene.character))
+    return ("BVH holds the skeleton and its motion only: no mesh, no furniture",)
+
+
+FORMAT = Format("bvh", "BVH (centimetres, degrees)", (".bvh",), write=write, read=lambda path: read_bvh(path))
 
 
 def _written_order(skeleton: Skeleton, joint: int = 0) -> list[int]:
@@ -142,16 +160,17 @@ def _written_order(skeleton: Skeleton, joint: int = 0) -> list[int]:
     return [joint] + [j for child in children for j in _written_order(skeleton, child)]
 
 
-def _hierarchy_lines(skeleton: Skeleton, joint: int, depth: int) -> list[str]:
+def _hierarchy_lines(skeleton: Skeleton, axes: list[str], joint: int, depth: int) -> list[str]:
     pad = "  " * depth
     positions = "Xposition Yposition Zposition " if joint == 0 else ""
+    rotations = " ".join(f"{axis}rotation" for axis in axes[joint])
     offset = np.zeros(3) if joint == 0 else skeleton.rest_offsets[joint] * 100
-    lines = [f"{pad}{'JOINT' if joint else 'ROOT'} {skeleton.joint_names[joint]}", pad + "{"]
+    lines = [f"{pad}{'JOINT' if joint else 'ROOT'} {_word(skeleton.joint_names[joint])}", pad + "{"]
     lines.append(f"{pad}  OFFSET {offset[0]:.6f} {offset[1]:.6f} {offset[2]:.6f}")
-    lines.append(f"{pad}  CHANNELS {6 if joint == 0 else 3} {positions}Zrotation Xrotation Yrotation")
+    lines.append(f"{pad}  CHANNELS {6 if joint == 0 else 3} {positions}{rotations}")
     children = [c for c, p in enumerate(skeleton.parents) if p == joint]
     for child in children:
-        lines += _hierarchy_lines(skeleton, child, depth + 1)
+        lines += _hierarchy_lines(skeleton, axes, child, depth + 1)
     if not children:
         tip = next((t.offset for t in skeleton.tips if t.parent == joint), (0.0, 0.0, 0.05))
         end = " ".join(f"{100 * value:.6f}" for value in tip)
@@ -159,10 +178,6 @@ def _hierarchy_lines(skeleton: Skeleton, joint: int, depth: int) -> list[str]:
     return [*lines, pad + "}"]
 
 
-def _euler_zxy(rotations: np.ndarray) -> np.ndarray:
-    """Angles (z, x, y) [rad] of R = Rz Rx Ry: [..., 4] -> [..., 3]."""
-    m = quat_to_matrix(rotations.astype(float))
-    x = np.arcsin(np.clip(m[..., 2, 1], -1, 1))
-    z = np.arctan2(-m[..., 0, 1], m[..., 1, 1])
-    y = np.arctan2(-m[..., 2, 0], m[..., 2, 2])
-    return np.stack([z, x, y], axis=-1)
+def _word(name: str) -> str:
+    """A joint name as one word: BVH ends a name at the first space."""
+    return "_".join(name.split()) or "joint"

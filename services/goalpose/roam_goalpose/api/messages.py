@@ -1,25 +1,26 @@
 """Between the protocol's messages and this service's own types."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from roam.v1 import goal_pose_pb2, skeleton_pb2
 from roam_character.body import body_capsules
 from roam_character.pose import Pose
+from roam_character.volume import Volume
 from roam_character.wire import pack_float32
 from roam_serving.skeletons import skeleton_message
 
 from roam_goalpose.assessment.diagnostics import PoseWarning
-from roam_goalpose.assessment.quality import PoseQuality, quality_of
-from roam_goalpose.objects import Shape
-from roam_goalpose.objects.axes import ROTATIONS
+from roam_goalpose.assessment.quality import PoseQuality
 from roam_goalpose.objects.footprint import footprint
-from roam_goalpose.objects.volume import shape_volume
+from roam_goalpose.objects.placing.axes import ROTATIONS
+from roam_goalpose.references.pairs import ACTIONS as NAMES
 from roam_goalpose.references.pairs import ReferencePair
+from roam_goalpose.service.queries import GoalPose, StoredObject
 from roam_goalpose.solvers.progress import Progress
-from roam_goalpose.synthesis import GoalPoseRequest, GoalPoseResult, RankedPose
+from roam_goalpose.synthesis import RankedPose
 
-ACTIONS = {"sit": skeleton_pb2.ACTION_SIT, "lie": skeleton_pb2.ACTION_LIE}
+ACTIONS = {name: skeleton_pb2.Action.Value(f"ACTION_{name.upper()}") for name in NAMES}
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
 
@@ -47,11 +48,12 @@ def up_axis_of(object_to_world: np.ndarray) -> str:
     return next((name for name, axis in names.items() if np.dot(up, axis) > 1 - 1e-6), "")
 
 
-def object_message(shape: Shape, format: str) -> goal_pose_pb2.Object:
+def object_message(stored: StoredObject) -> goal_pose_pb2.Object:
     """What GetObject tells."""
+    shape = stored.shape
     return goal_pose_pb2.Object(
         name=shape.name,
-        format=format,
+        format=stored.format,
         unit=unit_of(shape.object_to_world),
         up_axis=up_axis_of(shape.object_to_world),
         object_to_world=shape.object_to_world.ravel().tolist(),
@@ -60,18 +62,21 @@ def object_message(shape: Shape, format: str) -> goal_pose_pb2.Object:
         bounds_max=shape.bounds[1].tolist(),
         point_count=len(shape.points),
         warnings=[goal_pose_pb2.Warning(reason=w.reason, message=w.message) for w in shape.warnings],
-        footprint=outline_messages(shape),
+        footprint=outline_messages(footprint(shape.points)),
+        pieces=[
+            goal_pose_pb2.Piece(name=p.name, chosen=p.chosen, bounds_min=p.bounds[:3], bounds_max=p.bounds[3:])
+            for p in shape.pieces
+        ],
     )
 
 
-def outline_messages(shape: Shape) -> list[skeleton_pb2.Outline]:
-    """What an object covers of the floor."""
-    return [skeleton_pb2.Outline(corners=corners.ravel().tolist()) for corners in footprint(shape.points)]
+def outline_messages(outlines: Iterable[np.ndarray]) -> list[skeleton_pb2.Outline]:
+    """What an object covers of the floor, from corners [K, 2] [m]."""
+    return [skeleton_pb2.Outline(corners=corners.ravel().tolist()) for corners in outlines]
 
 
-def volume_message(shape: Shape) -> skeleton_pb2.Volume:
+def volume_message(volume: Volume) -> skeleton_pb2.Volume:
     """The object for bodies to keep out of."""
-    volume = shape_volume(shape)
     return skeleton_pb2.Volume(
         origin=volume.origin.tolist(),
         pitch=volume.pitch,
@@ -104,17 +109,19 @@ def progress_message(progress: Progress) -> goal_pose_pb2.Progress:
     )
 
 
-def goal_pose_message(result: GoalPoseResult, shape: Shape, request: GoalPoseRequest) -> goal_pose_pb2.GoalPose:
-    """The answer to `request` on the object `shape`."""
-    message, *others = [_ranked_message(ranked, quality_of(ranked, shape, request)) for ranked in result.poses]
+def goal_pose_message(goal_pose: GoalPose) -> goal_pose_pb2.GoalPose:
+    """An answer: the best pose, then the others."""
+    result = goal_pose.result
+    ranked = zip(result.poses, goal_pose.qualities, strict=True)
+    message, *others = [_ranked_message(pose, quality) for pose, quality in ranked]
     message.name = result.name
     message.object = result.object
     message.floor_height = result.floor_height
     message.alternatives.extend(others)
-    message.footprint.extend(outline_messages(shape))
-    message.volume.CopyFrom(volume_message(shape))
-    if request.skeleton is not None:
-        own = skeleton_message(request.skeleton, body_capsules(request.skeleton))
+    message.footprint.extend(outline_messages(goal_pose.outlines))
+    message.volume.CopyFrom(volume_message(goal_pose.volume))
+    if goal_pose.skeleton is not None:
+        own = skeleton_message(goal_pose.skeleton, body_capsules(goal_pose.skeleton))
         message.skeleton.CopyFrom(own.skeleton)
     return message
 

@@ -1,6 +1,6 @@
 """JSON of the goal pose service: what HTTP takes. Arrays are nested lists; metres, radians, xyzw."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -8,9 +8,17 @@ from roam.v1 import goal_pose_pb2, skeleton_pb2
 from roam_character.wire import pack_float32
 
 from roam_goalpose.api.messages import ACTIONS
+from roam_goalpose.energy.terms import TERMS
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]  # nothing sensible is larger, float32 holds it
 Point = Annotated[list[Number], Field(min_length=3, max_length=3)]
+
+
+def describe_terms(schema: dict[str, Any]) -> None:
+    """Which energy terms there are, for the API's documentation: those of the registry when it is asked for."""
+    schema["propertyNames"] = {"enum": list(TERMS)}
+    told = "; ".join(f"{term.name} ({term.symbol}, weight {term.weight:g}): {term.equation}" for term in TERMS.values())
+    schema["description"] = f"{schema['description']}. Terms: {told}"
 
 
 def rows(data: bytes, width: int) -> list[list[float]]:
@@ -105,7 +113,11 @@ class SynthesizeJson(BaseModel):
     skeleton_id: str = ""
     count: int = Field(0, ge=0, lt=1 << 31, description="poses wanted, the best and others unlike it; 0: one")
     constraints: ConstraintsJson = ConstraintsJson()
-    weights: dict[str, Number] = Field({}, description="of energy terms, instead of the server's; 0 switches one off")
+    weights: dict[str, Number] = Field(
+        {},
+        description="of energy terms, instead of the server's; 0 switches one off",
+        json_schema_extra=describe_terms,
+    )
     skeleton: SkeletonJson | None = Field(None, description="a person of other proportions, instead of skeleton_id")
 
     def message(self) -> goal_pose_pb2.SynthesizeRequest:

@@ -1,27 +1,89 @@
-"""Parts of the protocol's requests as this service's own types; what cannot be meant raises ValueError, saying why."""
+"""The protocol's requests as this service's own types."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from roam.v1 import goal_pose_pb2, skeleton_pb2
-from roam_character.pose import Pose
 from roam_character.skeleton import Skeleton, Tip
 from roam_character.wire import unpack_float32
+from roam_serving.errors import INVALID_ARGUMENT, ServiceError
 
-from roam_goalpose.energy.constraint import Constraints, Point
+from roam_goalpose.api.messages import ACTIONS
+from roam_goalpose.energy.constraints import Constraints, Point
+from roam_goalpose.service.queries import GivenReference, PoseQuery
+
+T = TypeVar("T")
 
 HANDS = {goal_pose_pb2.HAND_LEFT: "left", goal_pose_pb2.HAND_RIGHT: "right"}
 FARTHEST = 1e4  # [m] of a point, [rad] of a heading
 MOST_JOINTS = 256
 
 
-def pose_from_message(message: skeleton_pb2.Pose, skeleton: Skeleton) -> Pose:
-    """A pose of `skeleton`, rotations normalised. Raises ValueError when the arrays do not fit it."""
+def query_from_message(request: goal_pose_pb2.SynthesizeRequest) -> PoseQuery:
+    """A request for a goal pose; a ServiceError INVALID_ARGUMENT that names the field which cannot be meant."""
+    own = request.HasField("skeleton")
+    return PoseQuery(
+        object=request.object,
+        points=_points(request.points) if request.points else None,
+        reference=request.reference_pose.removeprefix("referencePoses/"),
+        action="" if request.reference_pose else action_from_message(request.action),
+        initial_yaw=request.initial_yaw if request.HasField("initial_yaw") else None,
+        restarts=request.restarts,
+        seed=request.seed,
+        solver=request.solver or "default",
+        count=request.count or 1,
+        constraints=_checked("constraints", lambda: constraints_from_message(request.constraints)),
+        weights=tuple(sorted(request.weights.items())),
+        skeleton=_checked("skeleton", lambda: skeleton_from_message(request.skeleton)) if own else None,
+        skeleton_id=request.skeleton_id,
+    )
+
+
+def reference_from_message(request: goal_pose_pb2.CreateReferencePoseRequest) -> GivenReference:
+    """A pose of the caller's own; a ServiceError INVALID_ARGUMENT for numbers that make none."""
+    root, rotations = _checked("pose", lambda: _posture(request.pose))
+    return GivenReference(
+        object=request.object,
+        action=action_from_message(request.action),
+        title=request.title,
+        skeleton_id=request.pose.skeleton_id,
+        root_position=root,
+        rotations=rotations,
+    )
+
+
+def action_from_message(action: int) -> str:
+    """The action of a request; INVALID_ARGUMENT when it is none that poses are made for."""
+    for name, number in ACTIONS.items():
+        if number == action:
+            return name
+    names = " or ".join(name.upper() for name in ACTIONS)
+    raise ServiceError(INVALID_ARGUMENT, f"name a reference_pose, or the action {names}", field="action")
+
+
+def _checked(field: str, read: Callable[[], T]) -> T:
+    """What `read` makes of a part of a message; its ValueError as INVALID_ARGUMENT."""
+    try:
+        return read()
+    except ValueError as error:
+        raise ServiceError(INVALID_ARGUMENT, str(error), field=field) from error
+
+
+def _points(data: bytes) -> NDArray[np.float32]:
+    if len(data) % 12:
+        raise ServiceError(INVALID_ARGUMENT, f"{len(data)} bytes; points are float32 [N, 3]", field="points")
+    return np.frombuffer(data, "<f4").reshape(-1, 3)
+
+
+def _posture(message: skeleton_pb2.Pose) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Root position and rotations, normalised."""
     rotations = unpack_float32(message.rotations, (-1, 4))
     lengths = np.linalg.norm(rotations, axis=-1, keepdims=True)
     if not (lengths > 1e-6).all():
         raise ValueError("a rotation has no length; quaternions are xyzw and of unit length")
-    return Pose(skeleton, unpack_float32(message.root_position, (-1,)), rotations / lengths)
+    return unpack_float32(message.root_position, (-1,)), rotations / lengths
 
 
 def skeleton_from_message(message: skeleton_pb2.Skeleton) -> Skeleton:

@@ -8,8 +8,10 @@ import grpc
 from roam.v1 import goal_pose_pb2, goal_pose_pb2_grpc
 from roam_serving.errors import INVALID_ARGUMENT, PAYLOAD_TOO_LARGE, ServiceError
 
-from roam_goalpose.api.messages import progress_message
-from roam_goalpose.service.application import Answer, GoalPoseApplication
+from roam_goalpose.api.messages import goal_pose_message, object_message, progress_message, reference_message
+from roam_goalpose.api.requests import query_from_message, reference_from_message
+from roam_goalpose.service.application import GoalPoseApplication
+from roam_goalpose.service.queries import Answer
 
 # ruff: noqa: N802  # methods carry gRPC's names
 
@@ -37,24 +39,27 @@ class GoalPoseServicer(goal_pose_pb2_grpc.GoalPoseServiceServicer):
                 raise ServiceError(PAYLOAD_TOO_LARGE, detail, field="chunk")
         if first is None:
             raise ServiceError(INVALID_ARGUMENT, "the upload has no message", field="format")
-        found = await application.upload(bytes(data), first.format, first.unit, first.up_axis)
-        return goal_pose_pb2.UploadObjectResponse(object=found)
+        size = first.size if first.HasField("size") else None
+        found = await application.upload(
+            bytes(data), first.format, first.unit, first.up_axis, size=size, piece=first.piece
+        )
+        return goal_pose_pb2.UploadObjectResponse(object=object_message(found))
 
     async def GetObject(self, request: goal_pose_pb2.GetObjectRequest, context: Any) -> goal_pose_pb2.GetObjectResponse:
         """Reads an object."""
-        return goal_pose_pb2.GetObjectResponse(object=self._application().object(request.name))
+        return goal_pose_pb2.GetObjectResponse(object=object_message(self._application().object(request.name)))
 
     async def Synthesize(
         self, request: goal_pose_pb2.SynthesizeRequest, context: Any
     ) -> AsyncIterator[goal_pose_pb2.SynthesizeResponse]:
         """Progress, then the goal pose."""
         application = self._application()
-        wanted = await application.check(request)
-        async with aclosing(application.synthesize(wanted)) as items:
+        query = await application.check(query_from_message(request))
+        async with aclosing(application.synthesize(query)) as items:
             async for item in items:
                 if isinstance(item, Answer):
                     context.set_trailing_metadata((("x-roam-cache", "hit" if item.cached else "miss"),))
-                    yield goal_pose_pb2.SynthesizeResponse(goal_pose=item.goal_pose)
+                    yield goal_pose_pb2.SynthesizeResponse(goal_pose=goal_pose_message(item.goal_pose))
                 else:
                     yield goal_pose_pb2.SynthesizeResponse(progress=progress_message(item))
 
@@ -62,14 +67,16 @@ class GoalPoseServicer(goal_pose_pb2_grpc.GoalPoseServiceServicer):
         self, request: goal_pose_pb2.ListReferencePosesRequest, context: Any
     ) -> goal_pose_pb2.ListReferencePosesResponse:
         """Lists the reference poses."""
-        poses = self._application().reference_poses(include_points=request.include_points)
+        pairs = self._application().reference_poses()
+        poses = [reference_message(pair, include_points=request.include_points) for pair in pairs]
         return goal_pose_pb2.ListReferencePosesResponse(reference_poses=poses)
 
     async def CreateReferencePose(
         self, request: goal_pose_pb2.CreateReferencePoseRequest, context: Any
     ) -> goal_pose_pb2.CreateReferencePoseResponse:
         """Puts a reference pose of the caller's own."""
-        found = self._application().create_reference(request)
+        pair = self._application().create_reference(reference_from_message(request))
+        found = reference_message(pair, include_points=False)
         return goal_pose_pb2.CreateReferencePoseResponse(reference_pose=found)
 
 

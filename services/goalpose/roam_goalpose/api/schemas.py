@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from roam.v1 import goal_pose_pb2, skeleton_pb2
 from roam_serving.problems import problem
 
-from roam_goalpose.api.messages import ACTIONS, progress_message
+from roam_goalpose.api.messages import ACTIONS, goal_pose_message, progress_message
 from roam_goalpose.api.request_schemas import SkeletonJson, rows
 from roam_goalpose.service.jobs import Job
 
@@ -46,6 +46,14 @@ class PoseJson(BaseModel):
         )
 
 
+class PieceJson(BaseModel):
+    """One of several things in a file."""
+
+    name: str = Field(description="of its node or group; may be empty")
+    chosen: bool = Field(description="whether it is the one that was taken")
+    bounds: list[list[float]] = Field(description="[2, 3] smallest and largest world coordinates [m]")
+
+
 class ObjectJson(BaseModel):
     """An uploaded object."""
 
@@ -58,6 +66,7 @@ class ObjectJson(BaseModel):
     bounds: list[list[float]] = Field(description="[2, 3] smallest and largest world coordinates [m]")
     point_count: int
     warnings: list[WarningJson]
+    pieces: list[PieceJson] = Field(default=[], description="of a file of several, in its order")
 
     @staticmethod
     def of(message: goal_pose_pb2.Object) -> "ObjectJson":
@@ -72,6 +81,10 @@ class ObjectJson(BaseModel):
             bounds=[list(message.bounds_min), list(message.bounds_max)],
             point_count=message.point_count,
             warnings=[WarningJson.of(warning) for warning in message.warnings],
+            pieces=[
+                PieceJson(name=p.name, chosen=p.chosen, bounds=[list(p.bounds_min), list(p.bounds_max)])
+                for p in message.pieces
+            ],
         )
 
 
@@ -233,7 +246,7 @@ class JobJson(BaseModel):
             state=job.state.value,
             created=job.created,
             progress=None if job.progress is None else ProgressJson.of(progress_message(job.progress)),
-            goal_pose=None if job.goal_pose is None else GoalPoseJson.of(job.goal_pose),
+            goal_pose=None if job.goal_pose is None else GoalPoseJson.of(goal_pose_message(job.goal_pose)),
             error=None if job.error is None else problem(job.error),
         )
 

@@ -1,16 +1,20 @@
 """How good a goal pose is, in metres, and why it is doubtful if it is."""
 
+import json
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import torch
 
 from roam_goalpose.assessment.support import seat_measures
-from roam_goalpose.energy.angle_limit import swing_twist
-from roam_goalpose.energy.contact import LEAN, SUPPORT
+from roam_goalpose.energy.body import penetration_depths
 from roam_goalpose.energy.figure import Figure
-from roam_goalpose.energy.penetration import penetration_depths
-from roam_goalpose.energy.prior import canonical_positions
-from roam_goalpose.energy.total import ReferenceModel, Target
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Target
+from roam_goalpose.energy.terms.angle_limit import load_limits, swing_twist
+from roam_goalpose.energy.terms.contact import LEAN, SUPPORT, contacts_of
+from roam_goalpose.energy.terms.prior import canonical_positions
 from roam_goalpose.references.model import height_above_surface
 from roam_goalpose.solvers.candidates import facing_yaw
 
@@ -24,10 +28,31 @@ WIDEST_PERCH = 0.30  # [m^2] what is larger, as high that legs dangle and withou
 
 NO_SEAT, NARROW = 0.10, 0.18  # [m] across: a rail or an edge holds nobody up, a beam is for perching
 NO_BED = 0.45  # [m] across: nobody lies on the top of a back rest, or across a chair
-TABLE_LIKE = 0.53  # [m] across: what is as wide and has no back is a low table's top, or a bed's
-LONG_TOP = 0.69  # [m] a top as long as this is a table's if it is also ...
-DEEP_TOP, LOW_TOP, LOW_DEPTH = 0.39, 0.38, 0.33  # [m] ... deeper than most benches, or low and not narrow
+TABLE_LIKE_FILE = Path(__file__).with_name("table_like.json")  # written by roam_goalpose.training.table_like
 ROLLS = 0.20  # [m] across what touches the floor: a ball, a log, a single post
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableLike:
+    """When a level top without a back may be a table's; deep benches have one too, and nothing tells them apart."""
+
+    broad: float  # [m] across: what is as wide is a table's top, or a bed's
+    long: float  # [m] what is as long is a table's if it is also ...
+    deep: float  # [m] ... deeper than most benches, ...
+    low: float  # [m] ... or low ...
+    low_depth: float  # [m] ... and not narrow
+
+    @staticmethod
+    @cache
+    def load() -> "TableLike":
+        """The shipped limits."""
+        return TableLike(**json.loads(TABLE_LIKE_FILE.read_text()))
+
+    def holds(self, values: dict[str, float]) -> bool:
+        """Of a seat with these diagnostics."""
+        breadth = values["seat_breadth"]
+        low = values["seat_height"] < self.low and breadth > self.low_depth
+        return breadth > self.broad or (values["seat_length"] > self.long and (breadth > self.deep or low))
 
 
 @dataclass(frozen=True)
@@ -53,7 +78,7 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
     """
     with torch.no_grad():
         hip_height = support_height(figure, target)
-        contacts = model.contacts
+        contacts = contacts_of(model)
         points = contacts.on(figure)
         misses = contacts.misses(points[..., 1] - target.floor_height, target.distance.query(points))[0].abs()
         weight, on_floor = contacts.weight[0], contacts.on_floor[0]
@@ -64,7 +89,7 @@ def diagnose(figure: Figure, model: ReferenceModel, target: Target) -> dict[str,
             "heading": float(facing_yaw(figure)[0]),
             "contacts_met": float((weight * (misses < MET)).sum() / weight.sum()),
             "support_miss": float(misses[contacts.group[0] == SUPPORT].median()),
-            "pose_change": float((canonical_positions(figure)[0] - model.canonical[0]).norm(dim=-1).mean()),
+            "pose_change": _pose_change(figure, model),
             "limit_excess": _limit_excess(figure, model),
         }
         joints = figure.positions[0, figure.skeleton.indices(["hips", "neck"]), 1]
@@ -104,8 +129,13 @@ def support_height(figure: Figure, target: Target) -> float:
     return min(height_above_surface(target.distance, column) for column in columns)
 
 
+def _pose_change(figure: Figure, model: ReferenceModel) -> float:
+    apart = canonical_positions(figure)[0] - canonical_positions(model.figure)[0]
+    return float(apart.norm(dim=-1).mean())
+
+
 def _limit_excess(figure: Figure, model: ReferenceModel) -> float:
-    limits = model.limits
+    limits = load_limits(model.skeleton)
     angles = swing_twist(figure.rotations[:1, limits.joint], limits.axis)
     return float(torch.maximum(angles - limits.high, limits.low - angles).clamp(min=0.0).max())
 
@@ -139,18 +169,11 @@ def _poor_seat(values: dict[str, float]) -> list[PoseWarning]:
             f"The object touches the floor with {100 * base:.0f} cm only: it may roll or tip over with its sitter."
         )
         found.append(PoseWarning("UNSTEADY_SEAT", message, "Fine if it is fixed in its place."))
-    if _table_like(values) and values.get("lean_miss", 1.0) > 0.06:
+    if TableLike.load().holds(values) and values.get("lean_miss", 1.0) > 0.06:
         size = f"at least {100 * breadth:.0f} by {100 * values['seat_length']:.0f} cm"
         message = f"The person sits without a back rest on a level top of {size}, as of a table."
         found.append(PoseWarning("TABLE_LIKE_SEAT", message, "Fine for deep benches, beds, daybeds and large stools."))
     return found
-
-
-def _table_like(values: dict[str, float]) -> bool:
-    """Whether a low table may have a top like this seat; deep benches have one too, and nothing tells them apart."""
-    breadth = values["seat_breadth"]
-    low = values["seat_height"] < LOW_TOP and breadth > LOW_DEPTH
-    return breadth > TABLE_LIKE or (values["seat_length"] > LONG_TOP and (breadth > DEEP_TOP or low))
 
 
 def warn(values: dict[str, float]) -> tuple[PoseWarning, ...]:

@@ -10,10 +10,9 @@ from roam_character.body import Capsules, body_capsules
 from roam_character.pose import Pose
 from roam_character.rotation import quat_between, quat_rotate
 
-from roam_goalpose.energy.angle_limit import load_limits, swing_twist
-from roam_goalpose.energy.weights import DEFAULT, PAPER_FULL
+from roam_goalpose.assessment.result import RankedPose
+from roam_goalpose.energy.terms.angle_limit import load_limits, swing_twist
 from roam_goalpose.objects import Shape
-from roam_goalpose.synthesis import GoalPoseRequest, RankedPose
 
 Array = NDArray[np.floating]
 
@@ -51,26 +50,17 @@ class PoseQuality:
         return sum(bone.volume for bone in self.penetrations)
 
 
-def quality_of(ranked: RankedPose, shape: Shape, request: GoalPoseRequest) -> PoseQuality:
-    """The quality of one of the poses that `request` got on the object `shape`."""
-    values = ranked.diagnostics
+def quality_of(ranked: RankedPose, shape: Shape, *, descriptor_weight: float) -> PoseQuality:
+    """The quality of one of the poses on the object `shape`; `descriptor_weight` is what the energy's term weighed."""
+    values, descriptor = ranked.diagnostics, ranked.energies.get("descriptor")
     return PoseQuality(
-        descriptor_residual=_descriptor_residual(ranked, request),
+        descriptor_residual=None if descriptor is None else descriptor / descriptor_weight,
         penetrations=bone_penetrations(ranked.pose, ranked.bone_depths, shape),
         hip_seat_distance=values["hip_seat_distance"],
         contacts_met=values["contacts_met"],
         floor_distance=values.get("floor_distance"),
         joint_limit_use=joint_limit_use(ranked.pose),
     )
-
-
-def _descriptor_residual(ranked: RankedPose, request: GoalPoseRequest) -> float | None:
-    """The term without its weight."""
-    if "descriptor" not in ranked.energies:
-        return None
-    published = request.solver == "paper"
-    weight = PAPER_FULL.descriptor if published else dict(request.weights).get("descriptor", DEFAULT.descriptor)
-    return ranked.energies["descriptor"] / weight
 
 
 def bone_penetrations(pose: Pose, depths: Mapping[str, float], shape: Shape) -> tuple[BonePenetration, ...]:

@@ -5,10 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import torch
 from roam_character.pose import Pose
+from torch import Tensor
 
 from roam_goalpose.assessment.diagnostics import PoseWarning, bone_depths, diagnose, warn
-from roam_goalpose.energy.total import ReferenceModel, Target
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Target
 from roam_goalpose.objects.own_axes import Placement
 from roam_goalpose.references.pairs import ReferencePair
 from roam_goalpose.solvers.candidates import Candidates, facing_yaw
@@ -88,3 +91,33 @@ def summaries(found: Candidates, placement: Placement) -> tuple[CandidateSummary
 def _point(values: npt.NDArray[np.floating]) -> Point:
     x, y, z = (float(v) for v in values)
     return x, y, z
+
+
+APART = 0.35  # [m] hips further from each other than this are on different places
+ASIDE = 0.8  # [rad] headings further from each other than this differ
+TAKEN = 0.25  # by how much worse a pose counts for every better one that sits where it sits ...
+ELBOWS = 0.45  # [m] ... and by how much less the further their hips are from each other, until it is nothing here
+WORST = 0.6  # poses whose energy is that much above the best are no choice
+
+
+def choose_diverse(candidates: Candidates, count: int) -> Tensor:
+    """Indices of up to `count` candidates: the best first, then those that are good and unlike the ones before.
+
+    A pose like an earlier one in place, heading and reference is never chosen; one that shares only the place can be,
+    when no other place is nearly as good.
+    """
+    root, yaw = candidates.figure.root_position, facing_yaw(candidates.figure)
+    turn = yaw[:, None] - yaw[None]
+    between = torch.linalg.vector_norm(root[:, None] - root[None], dim=-1)
+    crowded = TAKEN * (1.5 * (1.0 - between / ELBOWS)).clamp(0.0, 1.0)  # fading: a limit would hang on a centimetre
+    alike = (between < APART) & (torch.atan2(turn.sin(), turn.cos()).abs() < ASIDE)
+    same = alike & (candidates.reference[:, None] == candidates.reference[None])
+    score = candidates.fit.clone()
+    best = float(score.min())
+    chosen: list[int] = []
+    while len(chosen) < count and float(score.min()) < float("inf"):
+        index = int(score.argmin())
+        chosen.append(index)
+        score = torch.where(same[index], torch.inf, score + crowded[index])
+        score[candidates.fit > best + WORST] = torch.inf
+    return torch.tensor(chosen)

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure
-from roam_goalpose.energy.total import Target
+from roam_goalpose.energy.scene import Target
 
 _CELL, _REACH, _SAG, _SLAT = 0.05, 0.50, 0.08, 0.03  # [m] of the grid that looks for the seat around the hips
 _STEP, _GAP = 0.02, 3  # [m] along a way across the seat, and how many steps without a surface end it

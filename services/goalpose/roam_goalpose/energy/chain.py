@@ -31,10 +31,7 @@ _MOMENTS, _FORCES = _axis_wrenches()
 @torch.inference_mode(mode=False)
 def carriers(skeleton: Skeleton) -> Tensor:
     """Which unknowns move which joints: [J, 3 + 3 J], 1 for the root's shift and the turns of a joint and all above."""
-    above = torch.eye(skeleton.joint_count)
-    for j, parent in enumerate(skeleton.parents):
-        if parent >= 0:
-            above[j] += above[parent]
+    above = torch.tensor(skeleton.ancestors)
     return torch.cat([torch.ones(len(above), 3), above.repeat_interleave(3, dim=1)], dim=1)
 
 
@@ -66,7 +63,7 @@ class Chain:
         wrenches = torch.cat([torch.linalg.cross(points, directions, dim=-1), directions], dim=-1)
         return self._moved(wrenches, joint)
 
-    def anyhow(self, joint: Tensor, points: Tensor) -> Tensor:
+    def free(self, joint: Tensor, points: Tensor) -> Tensor:
         """`along` x, y and z for points [B, P, 3] on joints [P]. -> [B, 3 P, N], point by point."""
         wrenches = (points @ _MOMENTS + _FORCES).unflatten(-1, (3, 6)).flatten(1, 2)
         return self._moved(wrenches, joint.repeat_interleave(3))

@@ -1,13 +1,13 @@
 """A batch of candidate poses after forward kinematics: what every energy term looks at."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import torch
+from roam_character.kinematics import forward_kinematics
+from roam_character.rotation import quat_to_matrix
 from roam_character.skeleton import Skeleton
 from torch import Tensor
-
-from roam_goalpose.energy.turns import matrices, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Figure:
     @cached_property
     def axes(self) -> Tensor:
         """World orientations as matrices [B, J, 3, 3]: the columns are the joints' axes."""
-        return matrices(self.orientations)
+        return quat_to_matrix(self.orientations)
 
     def attached(self, joints: Tensor, offsets: Tensor) -> Tensor:
         """World positions of points fixed to joints. `joints` [P] or [B, P], `offsets` [..., P, 3] (joint frame).
@@ -62,44 +62,8 @@ class Figure:
 
 
 def figure_from_pose(skeleton: Skeleton, root_position: Tensor, rotations: Tensor) -> Figure:
-    """Forward kinematics F(P), paper Eq. 4. `root_position` [B, 3], `rotations` [B, J, 4].
-
-    What `character.kinematics` computes, in a third of the operations: a solver's batches are small, and each costs
-    microseconds however little it does.
-    """
-    tree = _tree(skeleton)
-    orientations = [rotations[:, :1]]
-    for joints, slots in tree.levels:
-        orientations.append(product(orientations[-1].index_select(1, slots), rotations.index_select(1, joints)))
-    world = torch.cat(orientations, dim=1).index_select(1, tree.order)
-    bones = matrices(world.index_select(1, tree.parents)) @ tree.offsets[..., None]
-    away = tree.above.to(bones).expand(len(bones), -1, -1) @ bones[..., 0]
-    return Figure(skeleton, root_position, rotations, root_position[:, None] + away, world)
-
-
-@dataclass(frozen=True, eq=False)
-class _Tree:
-    """A skeleton's joints as tensors."""
-
-    levels: list[tuple[Tensor, Tensor]]  # joints of every depth below the root, their parents among the depth above
-    order: Tensor  # [J] where each joint is when the depths are laid one after the other
-    parents: Tensor  # [J], the root's own for the root
-    offsets: Tensor  # [J, 3] from the parent [m], none for the root
-    above: Tensor  # [J, J] 1 where the column's joint is the row's or above it
-
-
-@cache
-@torch.inference_mode(mode=False)
-def _tree(skeleton: Skeleton) -> _Tree:
-    levels = [(torch.tensor(level.joints), torch.tensor(level.parent_slots)) for level in skeleton.levels[1:]]
-    order = torch.cat([torch.zeros(1, dtype=torch.long), *(joints for joints, _ in levels)]).argsort()
-    parents = torch.tensor([0, *skeleton.parents[1:]])
-    offsets = torch.tensor(skeleton.rest_offsets, dtype=torch.float32)
-    offsets[0] = 0.0
-    above = torch.eye(skeleton.joint_count)
-    for joint, parent in enumerate(skeleton.parents[1:], start=1):
-        above[joint] += above[parent]
-    return _Tree(levels, order, parents, offsets, above)
+    """Forward kinematics F(P), paper Eq. 4. `root_position` [B, 3], `rotations` [B, J, 4]."""
+    return Figure(skeleton, root_position, rotations, *forward_kinematics(skeleton, root_position, rotations))
 
 
 def figure_concat(figures: list[Figure]) -> Figure:

@@ -30,7 +30,7 @@ class Answer(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a query sees of the object, kept for those who need its slope (`pull.py`); H reaches, M anchors."""
+    """What a query sees of the object, kept for those who need its slope (`vjp.py`); H reaches, M anchors."""
 
     numbers: Tensor
     """`[B, Q, inputs]`."""

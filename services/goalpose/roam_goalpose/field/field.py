@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors import safe_open
@@ -13,10 +14,38 @@ from torch import Tensor, nn
 
 from roam_goalpose.field.config import FieldConfig
 from roam_goalpose.field.decoder import Answer, Decoder
-from roam_goalpose.field.direction import direction
 from roam_goalpose.field.encoder import Encoder
 from roam_goalpose.field.latent import Latent
-from roam_goalpose.field.pull import Pull
+from roam_goalpose.field.vjp import Linearization
+
+
+class _Direction(torch.autograd.Function):
+    """`d = s / |s|` with `s = (numbers - mean) / deviation`; differentiable once, in `numbers` only.
+
+    Written by hand because at 670 numbers per query the element-wise passes that autograd would make cost more than
+    the decoder's matrix products.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, numbers: Tensor, mean: Tensor, scale: Tensor) -> Tensor:
+        standard = (numbers - mean).mul_(scale)
+        inverse = torch.linalg.vector_norm(standard, dim=-1, keepdim=True).clamp_(min=1e-12).reciprocal_()
+        direction = standard.mul_(inverse)
+        ctx.save_for_backward(direction, inverse, scale)
+        return direction
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None, None]:
+        (grad,) = grads
+        direction, inverse, scale = ctx.saved_tensors
+        along = torch.einsum("...d,...d->...", grad, direction)[..., None]
+        return torch.addcmul(grad, direction, along, value=-1).mul_(inverse).mul_(scale), None, None
+
+
+def direction(numbers: Tensor, mean: Tensor, scale: Tensor) -> Tensor:
+    """Unit vectors `[..., D]` along `(numbers - mean) * scale`."""
+    result: Tensor = _Direction.apply(numbers, mean, scale)  # type: ignore[no-untyped-call]
+    return result
 
 
 class Field(nn.Module):
@@ -70,9 +99,9 @@ class Field(nn.Module):
         return direction(numbers, self.mean, 1 / self.deviation)
 
     @torch.no_grad()
-    def pull(self, latent: Latent, queries: Tensor) -> Pull:
+    def linearize(self, latent: Latent, queries: Tensor) -> Linearization:
         """`descriptor` and its slopes in the queries `[B, Q, 3]`, without autograd."""
-        return Pull.of(self.decoder, latent, queries, mean=self.mean, scale=1 / self.deviation)
+        return Linearization.of(self.decoder, latent, queries, mean=self.mean, scale=1 / self.deviation)
 
     def occupancy(self, latent: Latent, queries: Tensor) -> Tensor:
         """Occupancy logits `[B, Q]` of queries `[B, Q, 3]`: Eq. 2 before the sigmoid."""

@@ -3,10 +3,10 @@
 solids.py sheets.py     the bricks
 legs.py seats.py backs.py   the parts
 chair.py sofa.py …      one file per kind
-catalog.py              the list of kinds: add yours there
+catalog.py              the table of kinds: add yours there
 """
 
-from roam_goalpose.furniture.catalog import CATEGORIES, WITHIN, generate
+from roam_goalpose.furniture.catalog import CATEGORIES, TABLE, WITHIN, Category, generate
 from roam_goalpose.furniture.piece import Furniture
 
-__all__ = ["CATEGORIES", "WITHIN", "Furniture", "generate"]
+__all__ = ["CATEGORIES", "TABLE", "WITHIN", "Category", "Furniture", "generate"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roam_goalpose.furniture.dice import Dice
+from roam_goalpose.furniture.rng import Rng
 from roam_goalpose.furniture.sheets import Prism
 from roam_goalpose.furniture.solids import Array, Box, Loft, Pillow, Solid, Tube, turn_x, vector
 
@@ -26,13 +26,13 @@ class Rail:
     hz: float
 
 
-def thin_arms(dice: Dice, hx: float, hz: float, seat: float, *, rise: float, back_z: float) -> list[Solid]:
+def thin_arms(rng: Rng, hx: float, hz: float, seat: float, *, rise: float, back_z: float) -> list[Solid]:
     """Armrests `rise` [m] over the seat, open underneath, the same on both sides."""
-    style = dice.pick([_board, _board, _board, _tube, _loop])
-    drop, thick = dice.pick([(0.0, 0.012), (0.06, 0.012), (0.0, 0.025)])
-    radius, front = dice.between(0.01, 0.02), hz * dice.between(0.4, 1.0)
-    x, out = hx + dice.between(0.0, 0.04), dice.between(0.0, 0.05)
-    width, climb, rear_post = dice.between(0.02, 0.045), dice.between(0.0, 0.03), dice.chance(0.3)
+    style = rng.pick([_board, _board, _board, _tube, _loop])
+    drop, thick = rng.pick([(0.0, 0.012), (0.06, 0.012), (0.0, 0.025)])
+    radius, front = rng.between(0.01, 0.02), hz * rng.between(0.4, 1.0)
+    x, out = hx + rng.between(0.0, 0.04), rng.between(0.0, 0.05)
+    width, climb, rear_post = rng.between(0.02, 0.045), rng.between(0.0, 0.03), rng.chance(0.3)
     solids: list[Solid] = []
     for side in (-1, 1):
         low, high = vector(side * x, seat - 0.03, front), vector(side * (x + out), seat + rise, front)
@@ -88,11 +88,11 @@ class ArmBlock:
 
 
 def thick_arms(
-    dice: Dice, hx: float, z: tuple[float, float], base: float, top: float, *, thickness: float
+    rng: Rng, hx: float, z: tuple[float, float], base: float, top: float, *, thickness: float
 ) -> list[Solid]:
     """Upholstered arms outside `±hx` from `z[0]` (rear) to `z[1]` (front), the same on both sides."""
-    style = dice.pick([_box, _rounded, _roll, _slope, _padded, _flare, _frame])
-    amount = dice.between(0.0, 1.0)
+    style = rng.pick([_box, _rounded, _roll, _slope, _padded, _flare, _frame])
+    amount = rng.between(0.0, 1.0)
     solids: list[Solid] = []
     for side in (-1, 1):
         solids += style(ArmBlock(side, side * (hx + thickness / 2), base, top, z[0], z[1], thickness), amount)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from roam_goalpose.furniture.dice import Dice
+from roam_goalpose.furniture.rng import Rng
 from roam_goalpose.furniture.solids import Array, Box, Loft, Solid, Tube, turn_y, vector
 
 
@@ -24,10 +24,10 @@ def post(
     return Loft(center=foot.copy(), heights=heights, half=half, shift=shift, power=power)
 
 
-def turned(foot: Array, head: Array, dice: Dice, *, half: float) -> Loft:
+def turned(foot: Array, head: Array, rng: Rng, *, half: float) -> Loft:
     """A lathe-turned post with beads."""
     steps = np.linspace(0, 1, 9)
-    size = half * np.array([0.6, 0.8, 0.55, 1.0, 0.7, 0.95, 0.6, 1.0, 1.0]) * np.array([dice.between(0.8, 1.2)] * 9)
+    size = half * np.array([0.6, 0.8, 0.55, 1.0, 0.7, 0.95, 0.6, 1.0, 1.0]) * np.array([rng.between(0.8, 1.2)] * 9)
     shift = (head - foot)[::2] * steps[:, None]
     return Loft(
         center=foot.copy(),
@@ -44,40 +44,40 @@ def corners(hx: float, hz: float, *, splay_x: float = 0.0, splay_z: float = 0.0)
     return [(vector(x * (hx + splay_x), 0, z * (hz + splay_z)), vector(x * hx, 0, z * hz)) for x, z in signs]
 
 
-def four_legs(dice: Dice, hx: float, hz: float, top: float, *, rungs: float = 0.4) -> list[Solid]:
+def four_legs(rng: Rng, hx: float, hz: float, top: float, *, rungs: float = 0.4) -> list[Solid]:
     """Four legs: straight, tapered, splayed, bowed or turned; square or round; with rungs at times."""
-    thick = dice.between(0.012, 0.032)
-    taper = dice.pick([1.0, 1.0, 0.6, 0.75])
-    power = dice.pick([40.0, 40.0, 2.0, 2.0, 5.0])
-    splay = dice.between(0.02, 0.13) if dice.chance(0.45) else 0.0
-    bow = dice.between(-0.03, 0.04) if dice.chance(0.2) else 0.0
-    is_turned = dice.chance(0.12)
-    lean = splay * dice.pick([0.0, 0.5, 1.0])
-    inset = thick + dice.between(0.0, 0.04)
+    thick = rng.between(0.012, 0.032)
+    taper = rng.pick([1.0, 1.0, 0.6, 0.75])
+    power = rng.pick([40.0, 40.0, 2.0, 2.0, 5.0])
+    splay = rng.between(0.02, 0.13) if rng.chance(0.45) else 0.0
+    bow = rng.between(-0.03, 0.04) if rng.chance(0.2) else 0.0
+    is_turned = rng.chance(0.12)
+    lean = splay * rng.pick([0.0, 0.5, 1.0])
+    inset = thick + rng.between(0.0, 0.04)
     solids: list[Solid] = []
     pairs = corners(max(hx - inset, 0.03), max(hz - inset, 0.03), splay_x=lean, splay_z=splay)
     for foot, head in pairs:
         head = head + vector(0, top, 0)
         solids.append(
-            turned(foot, head, dice, half=thick * 1.2)
+            turned(foot, head, rng, half=thick * 1.2)
             if is_turned
             else post(foot, head, foot_half=thick * taper, head_half=thick, power=power, bow=bow)
         )
-    if dice.chance(rungs):
-        solids += _rungs(dice, pairs, top, thick * 0.6)
-    if dice.chance(0.35):
-        solids += apron(pairs, top, depth=dice.between(0.03, 0.08), half=thick * 0.7)
+    if rng.chance(rungs):
+        solids += _rungs(rng, pairs, top, thick * 0.6)
+    if rng.chance(0.35):
+        solids += apron(pairs, top, depth=rng.between(0.03, 0.08), half=thick * 0.7)
     return solids
 
 
-def _rungs(dice: Dice, pairs: list[tuple[Array, Array]], top: float, radius: float) -> list[Solid]:
+def _rungs(rng: Rng, pairs: list[tuple[Array, Array]], top: float, radius: float) -> list[Solid]:
     """Stretchers between the legs: an H, a box, or sides only."""
-    level = dice.between(0.2, 0.6)
+    level = rng.between(0.2, 0.6)
     at = [foot * (1 - level) + head * level + vector(0, top * level, 0) for foot, head in pairs]
     sides = [(at[0], at[2]), (at[1], at[3])]
-    style = dice.pick(["sides", "box", "h", "cross"])
+    style = rng.pick(["sides", "box", "h", "cross"])
     if style == "box":
-        step = vector(0, dice.between(-0.05, 0.05), 0)
+        step = vector(0, rng.between(-0.05, 0.05), 0)
         sides += [(at[0] + step, at[1] + step), (at[2] + step, at[3] + step)]
     elif style == "h":
         sides.append(((at[0] + at[2]) / 2, (at[1] + at[3]) / 2))
@@ -94,11 +94,11 @@ def apron(pairs: list[tuple[Array, Array]], top: float, *, depth: float, half: f
     return [*front, *sides]
 
 
-def sled(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
+def sled(rng: Rng, hx: float, hz: float, top: float) -> list[Solid]:
     """Two tube loops at the sides: skids, inverted U, or a cantilever without back legs."""
-    radius, x = dice.between(0.008, 0.018), hx - dice.between(0.0, 0.04)
-    front, back, low = hz + dice.between(-0.03, 0.05), -hz - dice.between(-0.03, 0.06), radius
-    style = dice.pick(["skid", "loop", "cantilever", "hairpin"])
+    radius, x = rng.between(0.008, 0.018), hx - rng.between(0.0, 0.04)
+    front, back, low = hz + rng.between(-0.03, 0.05), -hz - rng.between(-0.03, 0.06), radius
+    style = rng.pick(["skid", "loop", "cantilever", "hairpin"])
     if style == "skid":
         path = [(hz * 0.8, top), (front, low), (back, low), (-hz * 0.8, top)]
     elif style == "loop":
@@ -122,20 +122,20 @@ def sled(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
     return solids
 
 
-def pedestal(dice: Dice, top: float, *, radius: float) -> list[Solid]:
+def pedestal(rng: Rng, top: float, *, radius: float) -> list[Solid]:
     """One column on a flared round foot."""
-    column, flare = dice.between(0.018, 0.05), dice.between(0.015, 0.12)
+    column, flare = rng.between(0.018, 0.05), rng.between(0.015, 0.12)
     heights = np.array([0, 0.012, 0.02 + flare * 0.5, 0.02 + flare, top])
-    half = np.array([radius, radius, column * 2.0, column, column * dice.between(0.9, 1.6)])
+    half = np.array([radius, radius, column * 2.0, column, column * rng.between(0.9, 1.6)])
     return [Loft(heights=heights, half=np.stack([half, half], -1), power=2.0)]
 
 
-def star_foot(dice: Dice, top: float, *, reach: float) -> list[Solid]:
+def star_foot(rng: Rng, top: float, *, reach: float) -> list[Solid]:
     """Four or five arms, with castors at times, under a gas-spring column."""
-    arms, castors = dice.pick([4, 5, 5, 5]), dice.chance(0.6)
-    wheel = dice.between(0.02, 0.032) if castors else 0.0
-    low, hub = 2 * wheel + 0.015, dice.between(0.06, 0.14) + 2 * wheel
-    column = dice.between(0.02, 0.035)
+    arms, castors = rng.pick([4, 5, 5, 5]), rng.chance(0.6)
+    wheel = rng.between(0.02, 0.032) if castors else 0.0
+    low, hub = 2 * wheel + 0.015, rng.between(0.06, 0.14) + 2 * wheel
+    column = rng.between(0.02, 0.035)
     solids: list[Solid] = [
         Loft(
             heights=np.array([low, hub, hub + 0.01, top]),
@@ -143,27 +143,27 @@ def star_foot(dice: Dice, top: float, *, reach: float) -> list[Solid]:
             power=2.0,
         )
     ]
-    start = dice.between(0, 2 * np.pi)
+    start = rng.between(0, 2 * np.pi)
     for k in range(arms):
         angle = start + 2 * np.pi * k / arms
         out = vector(np.sin(angle), 0, np.cos(angle))
         arm = np.stack([vector(0, hub - 0.02, 0), out * reach + vector(0, low, 0)])
-        solids.append(Tube(path=arm, radius=dice.between(0.012, 0.02)))
+        solids.append(Tube(path=arm, radius=rng.between(0.012, 0.02)))
         if castors:
             solids.append(
                 Box(
                     center=out * reach + vector(0, wheel, 0),
                     half=vector(0.016, wheel, wheel),
                     radius=wheel * 0.7,
-                    rotation=turn_y(angle + dice.between(-1, 1)),
+                    rotation=turn_y(angle + rng.between(-1, 1)),
                 )
             )
     return solids
 
 
-def rockers(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
+def rockers(rng: Rng, hx: float, hz: float, top: float) -> list[Solid]:
     """Legs on two bent runners."""
-    reach, rise, half = hz + dice.between(0.12, 0.25), dice.between(0.04, 0.1), dice.between(0.012, 0.02)
+    reach, rise, half = hz + rng.between(0.12, 0.25), rng.between(0.04, 0.1), rng.between(0.012, 0.02)
     z = np.linspace(-reach, reach, 9)
     y = half + rise * (z / reach) ** 2
     solids: list[Solid] = []
@@ -176,16 +176,16 @@ def rockers(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
     return solids
 
 
-def plinth(dice: Dice, hx: float, hz: float, top: float) -> list[Solid]:
+def plinth(rng: Rng, hx: float, hz: float, top: float) -> list[Solid]:
     """A closed base down to the floor, or a low frame on short feet."""
-    if dice.chance(0.5):
-        inset = dice.between(0.0, 0.04)
+    if rng.chance(0.5):
+        inset = rng.between(0.0, 0.04)
         return [Box(center=vector(0, top / 2, 0), half=vector(hx - inset, top / 2, hz - inset))]
-    gap = min(dice.between(0.03, 0.16), top * 0.6)
-    thick = dice.between(0.015, 0.04)
+    gap = min(rng.between(0.03, 0.16), top * 0.6)
+    thick = rng.between(0.015, 0.04)
     solids: list[Solid] = [Box(center=vector(0, (gap + top) / 2, 0), half=vector(hx, (top - gap) / 2, hz))]
-    splay = dice.between(0, 0.05) if dice.chance(0.4) else 0.0
-    power = dice.pick([2.0, 40.0])
+    splay = rng.between(0, 0.05) if rng.chance(0.4) else 0.0
+    power = rng.pick([2.0, 40.0])
     for foot, head in corners(hx - thick - 0.03, hz - thick - 0.03, splay_x=splay, splay_z=splay):
         solids.append(post(foot, head + vector(0, gap + 0.01, 0), foot_half=thick * 0.8, head_half=thick, power=power))
     return solids

@@ -25,6 +25,7 @@ REASONS: Mapping[str, str] = {
     "OBJECT_SIZE_IMPLAUSIBLE": "The object is not furniture-sized",
     "OBJECT_UNIT_UNKNOWN": "The unit is not known",
     "OBJECT_UP_UNKNOWN": "The up axis is not known",
+    "OBJECT_PIECE_UNKNOWN": "The file has no such piece",
     "OBJECT_READER_FAILED": "The reader stopped unexpectedly",
 }
 
@@ -34,7 +35,7 @@ class ObjectError(ValueError):
 
     Attributes:
         reason: one of `REASONS`.
-        field: the argument at fault: `content`, `format`, `unit` or `up`.
+        field: the argument at fault: `content`, `format`, `unit`, `up`, `size` or `piece`.
         message: what was found, in one sentence.
         remedy: what the sender can do about it, in one sentence.
     """

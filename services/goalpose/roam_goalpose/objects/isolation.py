@@ -18,12 +18,12 @@ from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Self
 
-from roam_goalpose.objects.axes import check_up
 from roam_goalpose.objects.errors import ObjectError
-from roam_goalpose.objects.formats import check_content, check_format
 from roam_goalpose.objects.limits import Limits, check_bytes
+from roam_goalpose.objects.placing.axes import check_up
+from roam_goalpose.objects.placing.units import check_size, check_unit
+from roam_goalpose.objects.readers.registry import added_modules, check_content, check_format
 from roam_goalpose.objects.shape import Shape
-from roam_goalpose.objects.units import check_unit
 from roam_goalpose.objects.wire import read_frame, unpack_shape, write_frame
 
 _log = logging.getLogger(__name__)
@@ -60,7 +60,16 @@ class IsolatedLoader:
             reader.wait_ready()
             self._idle.put(reader)
 
-    def load(self, data: bytes, format: str, *, unit: str | None = None, up: str | None = None) -> Shape:
+    def load(
+        self,
+        data: bytes,
+        format: str,
+        *,
+        unit: str | None = None,
+        up: str | None = None,
+        size: float | None = None,
+        piece: str | None = None,
+    ) -> Shape:
         """Like `loading.load_shape`, isolated.
 
         Raises:
@@ -71,13 +80,15 @@ class IsolatedLoader:
         format = check_format(format)
         unit = None if unit is None else check_unit(unit)
         up = None if up is None else check_up(up)
+        size = None if size is None else check_size(size)
         check_bytes(len(data), self.limits)
         check_content(data, format)
         if self._closed:
             raise RuntimeError("the loader is closed")
         reader = self._idle.get()
         try:
-            return reader.read(data, {"format": format, "unit": unit, "up": up, "limits": asdict(self.limits)})
+            said = {"format": format, "unit": unit, "up": up, "size": size, "piece": piece}
+            return reader.read(data, {**said, "limits": asdict(self.limits)})
         except ObjectError as error:
             if self._closed:
                 raise _failed("the service is shutting down") from error
@@ -108,13 +119,15 @@ class _Reader:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
+        self._modules: tuple[str, ...] = ()
         self._process: subprocess.Popen[bytes] | None = None
         self._ready = False
 
     def launch(self) -> None:
-        """Start the process without waiting for it."""
-        if self._process is not None and self._process.poll() is None:
+        """Start the process without waiting for it; again when a reader was registered since."""
+        if self._process is not None and self._process.poll() is None and self._modules == added_modules():
             return
+        self._modules = added_modules()
         self.kill()  # closes the pipes of one that died
         self._ready = False
         environment = {
@@ -122,9 +135,10 @@ class _Reader:
             "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),
             "OMP_NUM_THREADS": "1",  # BLAS would reserve address space for every thread
             "OPENBLAS_NUM_THREADS": "1",
+            "PXR_WORK_THREAD_LIMIT": "1",
         }
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "roam_goalpose.objects.worker", str(self._limits.memory_bytes)],
+            [sys.executable, "-m", "roam_goalpose.objects.worker", str(self._limits.memory_bytes), *self._modules],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

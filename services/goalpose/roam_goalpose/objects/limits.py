@@ -18,6 +18,7 @@ class Limits:
     bytes: int = 128 * 2**20
     vertices: int = 3_000_000
     faces: int = 2_000_000
+    points: int = 30_000_000  # of a bare cloud, which is thinned on reading
     cpu_seconds: float = 10.0
     wall_seconds: float = 20.0
     memory_bytes: int = 2 * 2**30
@@ -52,4 +53,16 @@ def check_counts(vertices: int, faces: int, limits: Limits) -> None:
                 f"{limits.faces} are read."
             ),
             remedy="Simplify it (in Blender: the Decimate modifier); 20,000 triangles are plenty.",
+        )
+
+
+def check_points(count: int, limits: Limits) -> None:
+    """Raise OBJECT_TOO_COMPLEX when a point cloud (or what its header promises) is beyond the limits."""
+    most = min(limits.points, limits.memory_bytes // 48)  # what a point costs while it is read
+    if count > most:
+        raise ObjectError(
+            "OBJECT_TOO_COMPLEX",
+            field="content",
+            message=f"The cloud has {count} points; at most {most} are read.",
+            remedy="Thin it before you send it (in CloudCompare: Edit > Subsample); 100,000 points are plenty.",
         )

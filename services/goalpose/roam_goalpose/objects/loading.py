@@ -3,40 +3,53 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from roam_character.distance import turn_about_y
 
-from roam_goalpose.objects.axes import check_up, up_rotation
-from roam_goalpose.objects.distance import turn_about_y
+from roam_goalpose.objects.cleaning.clean import Cleaned, clean
+from roam_goalpose.objects.cleaning.pieces import Piece, choose, list_pieces, split
 from roam_goalpose.objects.errors import ObjectError
-from roam_goalpose.objects.geometry import Array, Geometry
-from roam_goalpose.objects.heading import find_heading
+from roam_goalpose.objects.geometry import Array, Geometry, Indices
 from roam_goalpose.objects.limits import Limits
+from roam_goalpose.objects.placing.axes import check_up, up_rotation
+from roam_goalpose.objects.placing.heading import find_heading
+from roam_goalpose.objects.placing.place import likely_up, place
+from roam_goalpose.objects.placing.units import LARGEST, METRES_PER, check_size, check_unit, too_large
 from roam_goalpose.objects.reading import read_geometry
-from roam_goalpose.objects.shape import Shape, ShapeWarning
-from roam_goalpose.objects.surface import sample_surface
-from roam_goalpose.objects.tilt import FARTHEST, Tilt, find_tilt, stands, surface_centre
-from roam_goalpose.objects.units import check_unit, choose_unit
-from roam_goalpose.objects.upright import choose_up
-from roam_goalpose.objects.voxels import choose_pitch, signed_distance
+from roam_goalpose.objects.shape import Shape, ShapePiece, ShapeWarning
+from roam_goalpose.objects.surfaces.sampling import sample_triangles
+from roam_goalpose.objects.surfaces.surface import sample_surface, surface_samples
+from roam_goalpose.objects.surfaces.voxels import choose_pitch, signed_distance
 
+_LEVEL = 0.999  # cosine of an axis that still is the floor's
+_STANDS_ON = 0.08  # [m] at most between a floor that was cut off and what is left above it
+_LARGE, _OUTLINE = 300_000, 100_000  # triangles from which on points stand for them, and how many
 _THINNEST = 0.02  # [m] no furniture's box is thinner
 _FARTHEST = 1000.0  # [m] beyond this from the origin float32 points lose a tenth of a millimetre
 
 
 def load_shape(
-    data: bytes, format: str, *, unit: str | None = None, up: str | None = None, limits: Limits | None = None
+    data: bytes,
+    format: str,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    size: float | None = None,
+    piece: str | None = None,
+    limits: Limits | None = None,
 ) -> Shape:
     """Read an object file into metres, +Y up.
 
     Args:
         data: the whole file.
-        format: one of `formats.FORMATS` (see `format_of`).
-        unit: `m cm mm in ft`; detected when None.
-        up: `y z x -y -z -x`; detected when None (glTF is Y-up by its specification, other formats Y or Z).
+        format: one of `readers.FORMATS` (see `format_of`).
+        unit: `m cm mm in ft`; when None as the file says, else detected.
+        up: `y z x -y -z -x`; when None as the file says, else detected.
+        size: height of the object in metres; goes before the unit.
+        piece: name or index of the one to take from a file of several; the best seat when None.
         limits: bounds on bytes and counts.
 
     Raises:
@@ -44,77 +57,92 @@ def load_shape(
     """
     unit = None if unit is None else check_unit(unit)
     up = None if up is None else check_up(up)
+    size = None if size is None else check_size(size)
     geometry = read_geometry(data, format, limits or Limits())
-    return shape_of(geometry, unit=unit, up=up)
+    return shape_of(geometry, unit=unit, up=up, size=size, piece=piece)
 
 
-def shape_of(geometry: Geometry, *, unit: str | None = None, up: str | None = None) -> Shape:
+def shape_of(
+    geometry: Geometry,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    size: float | None = None,
+    piece: str | None = None,
+) -> Shape:
     """Bring raw geometry to metres and +Y up, sample it and build its distance grid; raises like `load_shape`."""
-    warnings: list[ShapeWarning] = []
-    unit_guess = choose_unit(float(np.ptp(geometry.vertices, axis=0).max()), given=unit, hint=geometry.unit)
-    if unit_guess.doubt:
-        warnings.append(ShapeWarning("OBJECT_UNIT_UNSURE", unit_guess.doubt))
-    scaled = replace(geometry, vertices=geometry.vertices * unit_guess.metres)
-    _check_box(scaled.vertices)
-    rotation, doubts = _find_up(scaled, given=up)
-    warnings += doubts
+    cleaned = clean(geometry, up=up)
+    floor = cleaned.floor
+    pieces, chosen = _pieces(geometry, cleaned, unit=unit, up=up, size=size, wanted=piece)
+    object = pieces[chosen].geometry
+    placing = place(object, unit=unit, up=up, size=size, level=None if floor is None else floor.up)
+    surface_samples.cache_clear()
+    turn = placing.rotation * placing.metres
+    world = replace(object, vertices=object.vertices @ turn.T)
+    _check_box(world.vertices)
+    areas = None if object.faces is None else object.areas * placing.metres**2
+    outline = _outline(object, world, turn)
     transform = np.eye(4)
-    transform[:3, :3] = rotation * unit_guess.metres
-    return _assemble(replace(scaled, vertices=scaled.vertices @ rotation.T), transform, tuple(warnings))
+    transform[:3, :3] = turn
+    level = None
+    if floor is not None and float(placing.rotation[1] @ floor.up) > _LEVEL:
+        level = floor.height * placing.metres
+    warnings = [*cleaned.geometry.notes, *placing.warnings]
+    if len(pieces) == 1:
+        return _assemble(world, transform, tuple(warnings), level, areas, outline)
+    if piece is None:
+        told = f"The file holds {len(pieces)} pieces: {list_pieces(pieces)}. Piece {chosen} was taken."
+        warnings.append(ShapeWarning("OBJECT_PIECE_CHOSEN", told))
+    shape = _assemble(world, transform, tuple(warnings), level, areas, outline)
+    return replace(shape, pieces=tuple(_told(one, k == chosen, turn) for k, one in enumerate(pieces)))
 
 
-def _find_up(scaled: Geometry, *, given: str | None) -> tuple[Array, list[ShapeWarning]]:
-    """The rotation `[3, 3]` to +Y up, and what is doubtful about it; an axis that the caller gives is obeyed."""
-    warnings = []
-    up = given or scaled.up
-    if up is None:
-        up_guess = choose_up(*_samples(scaled))
-        up = up_guess.up
-        if up_guess.doubt:
-            warnings.append(ShapeWarning("OBJECT_UP_UNSURE", up_guess.doubt))
-    rotation = up_rotation(up)
-    tilt = _tilt(scaled, rotation, farthest=FARTHEST if given or scaled.up else math.pi)
-    if tilt is None:
-        return rotation, warnings
-    turned = tilt.sure and given is None
-    told = f"The object does not stand: it leans by {math.degrees(tilt.angle):.0f}°. "
-    told += "It was set on its feet." if turned else "It was left so; set it on its feet if it should stand."
-    leaning = ShapeWarning("OBJECT_TILTED", told)
-    return (tilt.turn @ rotation, [leaning]) if turned else (rotation, [*warnings, leaning])
+def _pieces(
+    geometry: Geometry, cleaned: Cleaned, *, unit: str | None, up: str | None, size: float | None, wanted: str | None
+) -> tuple[list[Piece], int]:
+    """The pieces of a file and which one to take; a room is refused unless one is named."""
+    left, floor = cleaned.geometry, cleaned.floor
+    axis = up or geometry.up
+    way = floor.up if floor is not None else up_rotation(axis or likely_up(left))[1]
+    pieces = split(left, up=way)
+    chosen = choose(pieces, wanted)
+    metres = METRES_PER[unit] if unit else geometry.metres
+    if size is None and wanted is None and metres is not None:
+        extent = float(np.ptp(geometry.vertices, axis=0).max()) * metres
+        if extent > LARGEST:
+            raise too_large(extent, metres, list_pieces(pieces) if len(pieces) > 1 else "")
+    return pieces, chosen
 
 
-def _tilt(scaled: Geometry, rotation: Array, *, farthest: float) -> Tilt | None:
-    """What is missing for a mesh to stand, once `rotation` `[3, 3]` is applied; None when it stands or is a cloud."""
-    if scaled.faces is None:
-        return None
-    vertices = scaled.vertices @ rotation.T
-    centre = surface_centre(vertices[scaled.faces])
-    if stands(vertices, centre):
-        return None
-    points, normals = _samples(scaled)
-    return find_tilt(vertices, points @ rotation.T, normals @ rotation.T, centre=centre, farthest=farthest)
+def _told(piece: Piece, chosen: bool, turn: npt.NDArray[np.float64]) -> ShapePiece:
+    placed = piece.geometry.vertices @ turn.T
+    low, high = placed.min(axis=0).tolist(), placed.max(axis=0).tolist()
+    return ShapePiece(piece.name, chosen, (low[0], low[1], low[2], high[0], high[1], high[2]))
 
 
-def _samples(scaled: Geometry) -> tuple[Array, Array]:
-    """Shuffled samples of the surface [m] and their normals of either sign, both `[N, 3]` in the file's axes."""
-    samples, surface = sample_surface(scaled, choose_pitch(np.ptp(scaled.vertices, axis=0)))
-    return samples.points, np.asarray(surface.normals if samples.normals is None else samples.normals, np.float64)
-
-
-def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, ...]) -> Shape:
+def _assemble(
+    world: Geometry,
+    transform: Array,
+    warnings: tuple[ShapeWarning, ...],
+    level: float | None,
+    areas: Array | None,
+    outline: tuple[Array, Indices | None],
+) -> Shape:
     """Sample geometry in metres and +Y up, and build its distance grid, both in the object's own axes.
 
     An upload turned about +Y then has the same samples and the same grid, turned.
     """
-    heading = find_heading(world.vertices, world.faces)
+    heading = find_heading(*outline)
     axes = turn_about_y(heading.yaw)
     own = world.vertices @ axes
     box = np.stack([own.min(axis=0), own.max(axis=0)])
     pitch = choose_pitch(box[1] - box[0])
-    samples, surface = sample_surface(replace(world, vertices=own), pitch)
+    samples, surface = sample_surface(replace(world, vertices=own), pitch, areas)
     points = (samples.points @ axes.T).astype(np.float32)
     bounds = np.stack([world.vertices.min(axis=0), world.vertices.max(axis=0)])
     floor = float(bounds[0, 1])
+    if level is not None and abs(level - floor) < _STANDS_ON:
+        floor = level
     return Shape(
         name=_name(points, transform),
         points=points,
@@ -127,6 +155,13 @@ def _assemble(world: Geometry, transform: Array, warnings: tuple[ShapeWarning, .
         mesh=None if world.faces is None else (world.vertices.astype(np.float32), world.faces.astype(np.int32)),
         warnings=warnings,
     )
+
+
+def _outline(object: Geometry, world: Geometry, turn: npt.NDArray[np.float64]) -> tuple[Array, Indices | None]:
+    """What the own axes are found from: the mesh or, of a large one, points spread over it in the order of its file."""
+    if object.faces is None or len(object.faces) < _LARGE:
+        return world.vertices, world.faces
+    return sample_triangles(object.triangles, object.areas, _OUTLINE, seed=0).points @ turn.T, None
 
 
 def _check_box(vertices: Array) -> None:

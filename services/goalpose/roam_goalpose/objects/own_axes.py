@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from roam_character.distance import turn_about_y
 from roam_character.pose import Pose
 
-from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.shape import Shape
 
 

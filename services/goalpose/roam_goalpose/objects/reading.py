@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from roam_goalpose.objects.errors import ObjectError, not_finite
-from roam_goalpose.objects.formats import check_content, check_format
 from roam_goalpose.objects.geometry import Array, Geometry
-from roam_goalpose.objects.limits import Limits, check_bytes, check_counts
-from roam_goalpose.objects.mesh_file import read_mesh_file
-from roam_goalpose.objects.pcd import read_pcd
-from roam_goalpose.objects.point_file import read_npy, read_xyz
+from roam_goalpose.objects.limits import Limits, check_bytes, check_counts, check_points
+from roam_goalpose.objects.readers.registry import check_content, check_format, find
 
 # Beyond this float32 loses the millimetre, and squares overflow soon after; in any unit it is not furniture.
 _MAX_COORDINATE = 1e9
 _MIN_CLOUD_POINTS = 100
-
-_POINT_READERS: Mapping[str, Callable[[bytes, Limits], Geometry]] = {"xyz": read_xyz, "npy": read_npy, "pcd": read_pcd}
+_KEPT_POINTS = 400_000  # of a cloud: 20 times what is sampled from it
+_NOTHING: Mapping[str, bytes] = {}
 
 
 def read_geometry(data: bytes, format: str, limits: Limits) -> Geometry:
@@ -30,21 +28,18 @@ def read_geometry(data: bytes, format: str, limits: Limits) -> Geometry:
     format = check_format(format)
     check_bytes(len(data), limits)
     check_content(data, format)
-    reader = _POINT_READERS.get(format)
-    geometry = reader(data, limits) if reader else read_mesh_file(data, format, limits)
-    return _checked(geometry, limits)
+    return _checked(find(format).load()(data, limits, _NOTHING), limits)
 
 
 def _checked(geometry: Geometry, limits: Limits) -> Geometry:
-    """Drop unused vertices, refuse what cannot be computed with."""
+    """Drop unused vertices and missing returns, thin what is too dense, refuse what cannot be computed with."""
     faces = geometry.faces
-    check_counts(len(geometry.vertices), 0 if faces is None else len(faces), limits)
     if len(geometry.vertices) == 0:
         raise _empty()
-    if faces is None:
-        _check_finite(geometry.vertices)
-        _check_cloud_size(len(geometry.vertices))
-        return geometry
+    if faces is None or not len(faces):
+        check_points(len(geometry.vertices), limits)
+        return _cloud(replace(geometry, faces=None, part=None, names=()))
+    check_counts(len(geometry.vertices), len(faces), limits)
     if faces.min() < 0 or faces.max() >= len(geometry.vertices):
         raise ObjectError(
             "OBJECT_MALFORMED",
@@ -54,16 +49,41 @@ def _checked(geometry: Geometry, limits: Limits) -> Geometry:
         )
     used = np.zeros(len(geometry.vertices), dtype=bool)
     used[faces] = True
+    if used.all():
+        _check_finite(geometry.vertices)
+        return geometry
     vertices = geometry.vertices[used]
     _check_finite(vertices)
     renumber = np.cumsum(used) - 1
-    return Geometry(vertices, renumber[faces], geometry.up, geometry.unit)
+    return replace(geometry, vertices=vertices, faces=renumber[faces])
+
+
+def _cloud(cloud: Geometry) -> Geometry:
+    """Finite points, at most `_KEPT_POINTS`."""
+    points = cloud.vertices
+    there = (np.abs(points) < _MAX_COORDINATE).all(axis=1)  # NaN compares false
+    dropped = len(points) - int(there.sum())
+    if dropped:
+        points = points[there]
+        cloud = replace(cloud, vertices=points).noted(
+            "OBJECT_POINTS_DROPPED",
+            f"{dropped} points without a place (NaN, infinite) were left out; {len(points)} stay.",
+        )
+    if not len(points):
+        raise not_finite("No point of the cloud has a finite place.")
+    _check_cloud_size(len(points))
+    if len(points) <= _KEPT_POINTS:
+        return cloud
+    steps = (np.arange(_KEPT_POINTS) * (len(points) / _KEPT_POINTS)).astype(np.int64)
+    return replace(cloud, vertices=points[steps])
 
 
 def _check_finite(vertices: Array) -> None:
-    bad = np.flatnonzero(~(np.abs(vertices) < _MAX_COORDINATE).all(axis=1))  # NaN compares false
-    if len(bad):
-        raise not_finite(f"{len(bad)} of {len(vertices)} vertices are not finite or beyond 1e9; first number {bad[0]}.")
+    low, high = vertices.min(), vertices.max()
+    if low > -_MAX_COORDINATE and high < _MAX_COORDINATE:  # NaN compares false
+        return
+    bad = np.flatnonzero(~(np.abs(vertices) < _MAX_COORDINATE).all(axis=1))
+    raise not_finite(f"{len(bad)} of {len(vertices)} vertices are not finite or beyond 1e9; first number {bad[0]}.")
 
 
 def _check_cloud_size(count: int) -> None:

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-
-from roam_goalpose.objects.distance import DistanceGrid
+from roam_character.distance import DistanceGrid
 
 Floats = npt.NDArray[np.float32]
 
@@ -23,6 +22,21 @@ class ShapeWarning:
 
     reason: str
     message: str
+
+
+@dataclass(frozen=True)
+class ShapePiece:
+    """One of several things in a file.
+
+    Attributes:
+        name: of its node or group, may be empty.
+        chosen: whether it is the one that the shape is of.
+        bounds: lowest and highest corner (x, y, z, x, y, z) [m] in the shape's world.
+    """
+
+    name: str
+    chosen: bool
+    bounds: tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +55,7 @@ class Shape:
             stools.
         mesh: (vertices `[V, 3]` float32 [m], faces `[F, 3]` int32) for display, None for a point cloud.
         warnings: doubts about unit, axes or size.
+        pieces: what else the file holds, in its order; empty for a file of one piece.
     """
 
     name: str
@@ -53,3 +68,4 @@ class Shape:
     front: npt.NDArray[np.float64]
     mesh: tuple[Floats, npt.NDArray[np.int32]] | None
     warnings: tuple[ShapeWarning, ...]
+    pieces: tuple[ShapePiece, ...] = ()

@@ -1,9 +1,9 @@
 """An object's distance grid made coarse enough to travel with a goal pose."""
 
 import numpy as np
+from roam_character.distance import turn_about_y
 from roam_character.volume import STEP, Volume
 
-from roam_goalpose.objects.distance import turn_about_y
 from roam_goalpose.objects.shape import Shape
 
 _PITCH = 0.04  # [m]: a forearm is 7 cm thick

@@ -13,9 +13,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
+from roam_character.distance import DistanceGrid
 
-from roam_goalpose.objects.distance import DistanceGrid
-from roam_goalpose.objects.shape import Shape, ShapeWarning
+from roam_goalpose.objects.shape import Shape, ShapePiece, ShapeWarning
 
 READY: Mapping[str, Any] = {"ready": True}
 _MAX_HEAD = 1 << 20
@@ -67,6 +67,7 @@ def pack_shape(shape: Shape) -> tuple[dict[str, Any], list[memoryview]]:
         "pitch": shape.distance.pitch,
         "yaw": shape.distance.yaw,
         "warnings": [asdict(warning) for warning in shape.warnings],
+        "pieces": [asdict(piece) for piece in shape.pieces],
         "arrays": [[name, array.dtype.str, list(array.shape)] for name, array in arrays.items()],
     }
     return head, [np.ascontiguousarray(array).data.cast("B") for array in arrays.values()]
@@ -89,4 +90,5 @@ def unpack_shape(head: Mapping[str, Any], parts: Sequence[bytes]) -> Shape:
         front=arrays["front"],
         mesh=(arrays["vertices"], arrays["faces"]) if "faces" in arrays else None,
         warnings=tuple(ShapeWarning(**warning) for warning in head["warnings"]),
+        pieces=tuple(ShapePiece(one["name"], one["chosen"], tuple(one["bounds"])) for one in head["pieces"]),
     )

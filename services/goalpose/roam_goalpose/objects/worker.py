@@ -1,4 +1,5 @@
-"""The child process that reads uploads: `python -m roam_goalpose.objects.worker MEMORY_BYTES`, driven by `isolation`.
+"""The child process that reads uploads: `python -m roam_goalpose.objects.worker MEMORY_BYTES [MODULE …]`, driven by
+`isolation`. Modules are readers that others added to the registry: importing them registers their formats.
 
 One request after another arrives on standard input and is answered on what was standard output, in frames (`wire`). The
 process may not write files, and limits on memory and CPU time end it when a file makes a parser run away.
@@ -6,6 +7,7 @@ process may not write files, and limits on memory and CPU time end it when a fil
 
 from __future__ import annotations
 
+import importlib
 import os
 import resource
 import sys
@@ -16,6 +18,7 @@ from typing import BinaryIO
 from roam_goalpose.objects.errors import ObjectError
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.loading import load_shape
+from roam_goalpose.objects.readers.registry import find
 from roam_goalpose.objects.wire import READY, pack_shape, read_frame, write_frame
 
 
@@ -27,6 +30,8 @@ def main() -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     os.dup2(nowhere, 0)
     os.dup2(nowhere, 1)
+    for module in sys.argv[2:]:
+        importlib.import_module(module)
     limit_process(memory_bytes=int(sys.argv[1]))
     write_frame(answers, READY, ())
     while serve_one(requests, answers):
@@ -41,11 +46,13 @@ def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
     head, parts = frame
     limits = replace(Limits(), **head["limits"])
     limit_cpu(limits.cpu_seconds)
+    fragile = find(head["format"]).fragile
     try:
-        shape = load_shape(parts[0], head["format"], unit=head["unit"], up=head["up"], limits=limits)
+        said = {name: head[name] for name in ("unit", "up", "size", "piece")}
+        shape = load_shape(parts[0], head["format"], **said, limits=limits)
     except ObjectError as error:
         write_frame(answers, {"error": error.to_dict()}, ())
-        return True
+        return not fragile
     except MemoryError:
         write_frame(answers, {"error": _out_of_memory().to_dict()}, ())
         return False  # what is left of the heap is not worth trusting
@@ -54,16 +61,18 @@ def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
         return False
     packed, arrays = pack_shape(shape)
     write_frame(answers, {"shape": packed}, arrays)
-    return True
+    return not fragile
 
 
 def limit_process(*, memory_bytes: int) -> None:
     """Cap address space and forbid writing files, where the system lets us (macOS refuses RLIMIT_AS)."""
-    for kind, limit in ((resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_FSIZE, 0), (resource.RLIMIT_CORE, 0)):
+    for kind, limit in ((resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_CORE, 0)):
         try:
             resource.setrlimit(kind, (limit, limit))
         except (ValueError, OSError):
             continue
+    # Soft only: `readers.scratch` lifts it while it writes what was sent for a library that reads files only.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
 
 
 def limit_cpu(seconds: float) -> None:

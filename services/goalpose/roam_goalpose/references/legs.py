@@ -8,6 +8,7 @@ from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure, figure_from_pose
 
+OPEN = 0.8  # thighs: how far ahead of the hip joints ankles hang at least, clear of what holds the seat
 HANG = 1.095  # shanks: longest drop from hip joint to ankle, thigh on the seat, shank hanging nearly straight down
 
 
@@ -29,8 +30,10 @@ def settle_legs(figure: Figure, floor_height: float, *, ankle_height: float | Te
         reach = forward.norm(dim=-1, keepdim=True)
         before = (hip[:, 1] - ankle[:, 1])[:, None]
         longer = (0.5 * (before - drop[:, None])).clamp(-0.12, 0.12)
-        wanted = forward / reach.clamp(min=1e-6) * (reach + longer)
-        target = torch.stack([hip[:, 0] + wanted[:, 0], hip[:, 1] - drop, hip[:, 2] + wanted[:, 2]], dim=-1)
+        hangs = (drop >= deepest)[:, None]
+        least = OPEN * float(np.linalg.norm(skeleton.rest_offsets[leg.lower])) * hangs
+        ahead = forward / reach.clamp(min=1e-6) * torch.maximum(reach + longer, least)
+        target = torch.stack([hip[:, 0] + ahead[:, 0], hip[:, 1] - drop, hip[:, 2] + ahead[:, 2]], dim=-1)
         bend = forward / reach.clamp(min=1e-6) + torch.tensor([0.0, 0.5, 0.0])
         posture = Posture(figure.positions, figure.orientations)
         turned: Tensor = reach_with_limb(skeleton, leg, posture, target, bend=bend)

@@ -9,27 +9,28 @@ from dataclasses import asdict, dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from prometheus_client import CollectorRegistry, Counter, Histogram
-from roam.v1 import goal_pose_pb2
+from roam_character.pose import Pose
 from roam_character.skeleton import Skeleton
 from roam_serving.cache import RecentCache
 from roam_serving.compute import ComputeQueue
 from roam_serving.errors import CANCELLED, INVALID_ARGUMENT, PAYLOAD_TOO_LARGE, ServiceError
 from roam_serving.skeletons import SKELETON_NOT_FOUND
 
-from roam_goalpose.api.messages import goal_pose_message, object_message, reference_message
-from roam_goalpose.api.requests import pose_from_message, skeleton_from_message
-from roam_goalpose.api.wanted import Wanted, action_name, wanted_constraints, wanted_weights
+from roam_goalpose.energy.terms import TERMS
 from roam_goalpose.errors import OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, REFERENCE_POSE_UNFIT, from_object_error
 from roam_goalpose.objects import ObjectError, Shape
 from roam_goalpose.references.bodies import check_bones
-from roam_goalpose.references.pairs import ReferencePair, distance_to_object, own_pair
+from roam_goalpose.references.pairs import ACTIONS, ReferencePair, distance_to_object, own_pair
+from roam_goalpose.service.queries import Answer, GivenReference, GoalPose, PoseQuery, StoredObject, goal_pose_of
 from roam_goalpose.service.solving import Solving
 from roam_goalpose.settings import GoalPoseSettings
 from roam_goalpose.solvers.progress import Cancelled, Progress
 from roam_goalpose.synthesis import SOLVERS, GoalPoseRequest, GoalPoseResult, RequestError
 
 TOUCHING = 0.25  # [m] from the hips joint to the surface, at most; shipped references have 0.15
+HEAVIEST = 1e6  # of any energy term
 _FIRST_POINTS = 3  # fewer are no surface; the reader of files has the real limit
 
 
@@ -50,18 +51,29 @@ class SynthesizesPoses(Protocol):
     ) -> GoalPoseResult: ...
 
 
+@dataclass(frozen=True)
+class _Said:
+    """What a sender says about a file; None where nothing."""
+
+    unit: str | None
+    up: str | None
+    size: float | None
+    piece: str | None
+
+
 class ReadsObjects(Protocol):
     """`roam_goalpose.objects.load_shape`, or the same in a child process."""
 
-    def __call__(self, data: bytes, format: str, *, unit: str | None = None, up: str | None = None) -> Shape: ...
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The end of a synthesis."""
-
-    goal_pose: goal_pose_pb2.GoalPose
-    cached: bool
+    def __call__(
+        self,
+        data: bytes,
+        format: str,
+        *,
+        unit: str | None = None,
+        up: str | None = None,
+        size: float | None = None,
+        piece: str | None = None,
+    ) -> Shape: ...
 
 
 class GoalPoseApplication:
@@ -77,12 +89,11 @@ class GoalPoseApplication:
         self.settings = settings
         self._load = load
         self._synthesizer = synthesizer
-        self._objects = RecentCache[str, tuple[Shape, str]](settings.object_cache)  # name → shape, format
+        self._objects = RecentCache[str, StoredObject](settings.object_cache)  # by name
         self._uploads = RecentCache[str, str](4 * settings.object_cache)  # hash of the request → name
         self._own_references = RecentCache[str, ReferencePair](settings.reference_cache)
-        self._own_skeletons = RecentCache[str, Skeleton](settings.reference_cache)
-        self._answers = RecentCache[str, goal_pose_pb2.GoalPose](settings.result_cache)
-        self._solving: dict[str, Solving[Progress, goal_pose_pb2.GoalPose]] = {}
+        self._answers = RecentCache[str, GoalPose](settings.result_cache)
+        self._solving: dict[str, Solving[Progress, GoalPose]] = {}
         self._reading = ComputeQueue("upload", limit=settings.upload_limit, registry=registry)
         at_once = max(1, settings.workers * settings.worker_lanes)
         self._computing = ComputeQueue("synthesis", limit=settings.queue_limit, registry=registry, threads=at_once)
@@ -100,93 +111,89 @@ class GoalPoseApplication:
         self._reading.close()
         self._computing.close()
 
-    async def upload(self, data: bytes, format: str, unit: str, up: str) -> goal_pose_pb2.Object:
-        """Reads a file and keeps the object; the same file again costs nothing. Raises a row of OBJECT_ERRORS."""
+    async def upload(
+        self, data: bytes, format: str, unit: str, up: str, *, size: float | None = None, piece: str = ""
+    ) -> StoredObject:
+        """Reads a file and keeps the object; the same file again costs nothing. Raises a row of OBJECT_ERRORS.
+
+        `size` is the object's height [m] and goes before the unit; `piece` names one of a file of several.
+        """
         if len(data) > self.settings.max_upload_bytes:
             detail = f"{len(data)} bytes; at most {self.settings.max_upload_bytes} are accepted"
             raise ServiceError(PAYLOAD_TOO_LARGE, detail, field="content")
         digest = hashlib.sha256(data)
-        digest.update(json.dumps([format, unit, up]).encode())
+        digest.update(json.dumps([format, unit, up, size, piece]).encode())
         name = self._uploads.get(digest.hexdigest())
         known = self._objects.get(name) if name else None
         if known is None:
-            shape = await self._read(data, format, unit, up)
-            known = (shape, format)
-            self._objects.put(shape.name, known)
-            self._uploads.put(digest.hexdigest(), shape.name)
-        return object_message(*known)
+            said = _Said(unit or None, up or None, size, piece or None)
+            known = StoredObject(await self._read(data, format, said), format)
+            self._objects.put(known.shape.name, known)
+            self._uploads.put(digest.hexdigest(), known.shape.name)
+        return known
 
-    def object(self, name: str) -> goal_pose_pb2.Object:
-        """What is known of an uploaded object; OBJECT_NOT_FOUND when it is not here."""
-        return object_message(*self._find(name))
+    def object(self, name: str) -> StoredObject:
+        """An uploaded object; OBJECT_NOT_FOUND when it is not here."""
+        if not name:
+            raise ServiceError(INVALID_ARGUMENT, "object is missing: upload one, or send points", field="object")
+        known = self._objects.get(name)
+        if known is None:
+            raise ServiceError(OBJECT_NOT_FOUND, f"no object {name!r}", field="object")
+        return known
 
-    def reference_poses(self, *, include_points: bool) -> list[goal_pose_pb2.ReferencePose]:
+    def reference_poses(self) -> list[ReferencePair]:
         """All reference poses."""
-        pairs = self._synthesizer.references.values()
-        return [reference_message(pair, include_points=include_points) for pair in pairs]
+        return list(self._synthesizer.references.values())
 
-    def create_reference(self, request: goal_pose_pb2.CreateReferencePoseRequest) -> goal_pose_pb2.ReferencePose:
+    def create_reference(self, given: GivenReference) -> ReferencePair:
         """Keeps a pose on an uploaded object as a reference; REFERENCE_POSE_UNFIT when the two do not touch."""
-        shape, _ = self._find(request.object)
-        skeleton = next((s for s in self._skeletons() if request.pose.skeleton_id in ("", s.id)), None)
+        shape = self.object(given.object).shape
+        skeleton = next((s for s in self._skeletons() if given.skeleton_id in ("", s.id)), None)
         if skeleton is None:
-            raise ServiceError(
-                SKELETON_NOT_FOUND, f"no skeleton {request.pose.skeleton_id!r}", field="pose.skeleton_id"
-            )
+            raise ServiceError(SKELETON_NOT_FOUND, f"no skeleton {given.skeleton_id!r}", field="pose.skeleton_id")
         try:
-            pose = pose_from_message(request.pose, skeleton)
+            pose = Pose(skeleton, given.root_position, given.rotations)
         except ValueError as error:
             raise ServiceError(INVALID_ARGUMENT, str(error), field="pose") from error
-        pair = own_pair(shape, pose, action=action_name(request.action), title=request.title)
+        pair = own_pair(shape, pose, action=given.action, title=given.title)
         apart = distance_to_object(pair)
         if apart > TOUCHING:
             detail = f"the hips are {apart:.2f} m from the object's surface; at most {TOUCHING} m are plausible"
             raise ServiceError(REFERENCE_POSE_UNFIT, detail, field="pose")
         self._own_references.put(pair.id, pair)
-        return reference_message(pair, include_points=False)
+        return pair
 
-    async def check(self, request: goal_pose_pb2.SynthesizeRequest) -> Wanted:
-        """The request with every field checked and inline points made an object."""
-        wanted = Wanted(
-            object=request.object,
-            reference=self._reference(request),
-            action=self._action(request),
-            initial_yaw=request.initial_yaw if request.HasField("initial_yaw") else None,
-            restarts=request.restarts,
-            seed=request.seed,
-            solver=request.solver or "default",
-            count=request.count or 1,
-            constraints=wanted_constraints(request),
-            weights=wanted_weights(request),
-            skeleton=self._own_skeleton(request),
-        )
-        self._check_numbers(wanted)
-        self._check_skeleton(request, wanted)
-        if request.points:
-            if request.object:
+    async def check(self, query: PoseQuery) -> PoseQuery:
+        """The query with every field checked and inline points made an object."""
+        self._check_reference(query)
+        self._check_weights(query)
+        self._check_numbers(query)
+        self._check_skeleton(query)
+        if query.points is not None:
+            if query.object:
                 raise ServiceError(INVALID_ARGUMENT, "give object or points, not both", field="points")
-            return replace(wanted, object=await self._inline(request.points))
-        self._find(wanted.object)
-        return wanted
+            return replace(query, object=await self._inline(query.points), points=None)
+        self.object(query.object)
+        return query
 
-    async def synthesize(self, wanted: Wanted) -> AsyncGenerator[Progress | Answer]:
+    async def synthesize(self, query: PoseQuery) -> AsyncGenerator[Progress | Answer]:
         """Progress while the optimisation runs, then the answer. Closing the generator stops it."""
-        answer = self.cached(wanted)
+        answer = self.cached(query)
         if answer is not None:
             yield answer
             return
-        key = self._key(wanted)
+        key = self._key(query)
         solving = self._solving.get(key)
         if solving is None or solving.abandoned:
-            solving = self._begin(key, wanted)
+            solving = self._begin(key, query)
         async with aclosing(solving.watch()) as watching:
             async for progress in watching:
                 yield progress
         yield Answer(solving.task.result(), cached=False)
 
-    def cached(self, wanted: Wanted) -> Answer | None:
+    def cached(self, query: PoseQuery) -> Answer | None:
         """The answer, if the same was asked before."""
-        answer = self._answers.get(self._key(wanted))
+        answer = self._answers.get(self._key(query))
         if answer is None:
             return None
         self._hits.inc()
@@ -196,19 +203,19 @@ class GoalPoseApplication:
         """QUEUE_FULL when one more synthesis would be refused."""
         self._computing.check_room()
 
-    async def answer(self, wanted: Wanted) -> Answer:
+    async def answer(self, query: PoseQuery) -> Answer:
         """The end of `synthesize` alone."""
-        async with aclosing(self.synthesize(wanted)) as items:
+        async with aclosing(self.synthesize(query)) as items:
             async for item in items:
                 if isinstance(item, Answer):
                     return item
         raise ServiceError(CANCELLED)
 
-    def _begin(self, key: str, wanted: Wanted) -> Solving[Progress, goal_pose_pb2.GoalPose]:
-        shape, _ = self._find(wanted.object)
-        request = self._request(wanted)
+    def _begin(self, key: str, query: PoseQuery) -> Solving[Progress, GoalPose]:
+        shape = self.object(query.object).shape
+        request = self._request(query)
 
-        def start(tell: Callable[[Progress], None], cancelled: Callable[[], bool]) -> Awaitable[goal_pose_pb2.GoalPose]:
+        def start(tell: Callable[[Progress], None], cancelled: Callable[[], bool]) -> Awaitable[GoalPose]:
             return self._computing.run(lambda: self._solve(shape, request, tell, cancelled))
 
         solving = Solving(start)
@@ -216,7 +223,7 @@ class GoalPoseApplication:
         solving.task.add_done_callback(lambda _: self._finish(key, solving))
         return solving
 
-    def _finish(self, key: str, solving: Solving[Progress, goal_pose_pb2.GoalPose]) -> None:
+    def _finish(self, key: str, solving: Solving[Progress, GoalPose]) -> None:
         if self._solving.get(key) is solving:
             del self._solving[key]
         if not solving.task.cancelled() and solving.task.exception() is None:
@@ -228,7 +235,7 @@ class GoalPoseApplication:
         request: GoalPoseRequest,
         tell: Callable[[Progress], None],
         cancelled: Callable[[], bool],
-    ) -> goal_pose_pb2.GoalPose:
+    ) -> GoalPose:
         """In the compute thread."""
         with self._seconds.time():
             try:
@@ -237,98 +244,85 @@ class GoalPoseApplication:
                 raise ServiceError(CANCELLED) from None
             except RequestError as error:
                 raise ServiceError(INVALID_ARGUMENT, str(error), field=error.field) from error
-        return goal_pose_message(result, shape, request)
+        return goal_pose_of(result, shape, request)
 
-    def _key(self, wanted: Wanted) -> str:
-        canonical = json.dumps([asdict(wanted), self._synthesizer.field_name], sort_keys=True)
+    def _key(self, query: PoseQuery) -> str:
+        canonical = json.dumps([query.key, self._synthesizer.field_name], sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()
 
-    def _find(self, name: str) -> tuple[Shape, str]:
-        if not name:
-            raise ServiceError(INVALID_ARGUMENT, "object is missing: upload one, or send points", field="object")
-        known = self._objects.get(name)
-        if known is None:
-            raise ServiceError(OBJECT_NOT_FOUND, f"no object {name!r}", field="object")
-        return known
-
-    async def _read(self, data: bytes, format: str, unit: str, up: str) -> Shape:
+    async def _read(self, data: bytes, format: str, said: "_Said") -> Shape:
         try:
-            return await self._reading.run(lambda: self._load(data, format, unit=unit or None, up=up or None))
+            return await self._reading.run(lambda: self._load(data, format, **asdict(said)))
         except ObjectError as error:
             self._rejected.labels(error.reason).inc()
             raise from_object_error(error) from error
 
-    async def _inline(self, data: bytes) -> str:
-        count, rest = divmod(len(data), 12)
-        if rest or not _FIRST_POINTS <= count <= self.settings.max_inline_points:
-            most = self.settings.max_inline_points
-            detail = f"{len(data)} bytes; points are float32 [N, 3], N from {_FIRST_POINTS} to {most}"
+    async def _inline(self, points: NDArray[np.float32]) -> str:
+        most = self.settings.max_inline_points
+        if not _FIRST_POINTS <= len(points) <= most:
+            detail = f"{len(points)} points; from {_FIRST_POINTS} to {most}"
             raise ServiceError(INVALID_ARGUMENT, detail, field="points")
         file = io.BytesIO()
-        np.save(file, np.frombuffer(data, "<f4").reshape(-1, 3))
-        return (await self.upload(file.getvalue(), "npy", "m", "y")).name
+        np.save(file, points)
+        return (await self.upload(file.getvalue(), "npy", "m", "y")).shape.name
 
-    def _reference(self, request: goal_pose_pb2.SynthesizeRequest) -> str:
-        name = request.reference_pose
-        if not name:
-            return ""
-        reference = name.removeprefix("referencePoses/")
-        if reference not in self._synthesizer.references and self._own_references.get(reference) is None:
-            known = ", ".join(self._synthesizer.references)
-            raise ServiceError(REFERENCE_POSE_NOT_FOUND, f"no reference pose {name!r}: {known}", field="reference_pose")
-        return reference
+    def _check_reference(self, query: PoseQuery) -> None:
+        name, known = query.reference, self._synthesizer.references
+        if name and name not in known and self._own_references.get(name) is None:
+            detail = f"no reference pose {name!r}: {', '.join(known)}"
+            raise ServiceError(REFERENCE_POSE_NOT_FOUND, detail, field="reference_pose")
+        if not name and query.action not in ACTIONS:
+            detail = f"name a reference_pose, or an action of {', '.join(ACTIONS)}"
+            raise ServiceError(INVALID_ARGUMENT, detail, field="action")
 
-    def _action(self, request: goal_pose_pb2.SynthesizeRequest) -> str:
-        return "" if request.reference_pose else action_name(request.action)
+    @staticmethod
+    def _check_weights(query: PoseQuery) -> None:
+        for name, weight in query.weights:
+            if name not in TERMS or not 0.0 <= weight <= HEAVIEST:
+                detail = f"{name} = {weight}: a weight is from 0 to {HEAVIEST:.0e}, of one of {', '.join(TERMS)}"
+                raise ServiceError(INVALID_ARGUMENT, detail, field="weights")
 
-    def _check_numbers(self, wanted: Wanted) -> None:
-        if wanted.initial_yaw is not None and not abs(wanted.initial_yaw) < 1e4:
+    def _check_numbers(self, query: PoseQuery) -> None:
+        if query.initial_yaw is not None and not abs(query.initial_yaw) < 1e4:
             raise ServiceError(INVALID_ARGUMENT, "initial_yaw must be an angle in radians", field="initial_yaw")
-        if wanted.restarts > self.settings.max_restarts:
+        if query.restarts > self.settings.max_restarts:
             detail = f"at most {self.settings.max_restarts}"
             raise ServiceError(INVALID_ARGUMENT, detail, field="restarts")
-        if wanted.count > self.settings.max_count:
+        if query.count > self.settings.max_count:
             raise ServiceError(INVALID_ARGUMENT, f"at most {self.settings.max_count}", field="count")
-        if wanted.solver == "paper" and (wanted.weights or wanted.constraints.given or wanted.count > 1):
+        if query.solver == "paper" and (query.weights or query.constraints.given or query.count > 1):
             detail = "solver paper has the published energy and gives one pose: no weights, constraints or count"
             raise ServiceError(INVALID_ARGUMENT, detail, field="solver")
-        if wanted.solver not in SOLVERS:
-            detail = f"{wanted.solver!r} is not one of {', '.join(SOLVERS)}"
+        if query.solver not in SOLVERS:
+            detail = f"{query.solver!r} is not one of {', '.join(SOLVERS)}"
             raise ServiceError(INVALID_ARGUMENT, detail, field="solver")
 
-    def _check_skeleton(self, request: goal_pose_pb2.SynthesizeRequest, wanted: Wanted) -> None:
-        if request.skeleton_id and request.skeleton_id not in [skeleton.id for skeleton in self._skeletons()]:
-            detail = f"no reference pose of {request.skeleton_id}"
+    def _check_skeleton(self, query: PoseQuery) -> None:
+        if query.skeleton is not None:
+            try:
+                check_bones(query.skeleton)
+            except ValueError as error:
+                raise ServiceError(INVALID_ARGUMENT, str(error), field="skeleton") from error
+        if query.skeleton_id and query.skeleton_id not in [skeleton.id for skeleton in self._skeletons()]:
+            detail = f"no reference pose of {query.skeleton_id}"
             raise ServiceError(SKELETON_NOT_FOUND, detail, field="skeleton_id")
 
     def _skeletons(self) -> list[Skeleton]:
         """Those of the shipped reference poses, the default first."""
         return list(dict.fromkeys(pair.pose.skeleton for pair in self._synthesizer.references.values()))
 
-    def _own_skeleton(self, request: goal_pose_pb2.SynthesizeRequest) -> str:
-        """Keeps the skeleton that a request brings; its id, or ""."""
-        if not request.HasField("skeleton"):
-            return ""
-        try:
-            skeleton = skeleton_from_message(request.skeleton)
-            check_bones(skeleton)
-        except ValueError as error:
-            raise ServiceError(INVALID_ARGUMENT, str(error), field="skeleton") from error
-        self._own_skeletons.put(skeleton.id, skeleton)
-        return skeleton.id
-
-    def _request(self, wanted: Wanted) -> GoalPoseRequest:
-        own = self._own_references.get(wanted.reference)
+    def _request(self, query: PoseQuery) -> GoalPoseRequest:
+        own = self._own_references.get(query.reference)
         return GoalPoseRequest(
-            reference=wanted.reference or None,
-            action=wanted.action or "sit",
-            initial_yaw=wanted.initial_yaw,
-            restarts=wanted.restarts,
-            seed=wanted.seed,
-            solver=wanted.solver,
-            count=wanted.count,
-            constraints=wanted.constraints,
-            weights=wanted.weights,
+            reference=query.reference or None,
+            action=query.action or "sit",
+            initial_yaw=query.initial_yaw,
+            restarts=query.restarts,
+            seed=query.seed,
+            solver=query.solver,
+            count=query.count,
+            constraints=query.constraints,
+            weights=query.weights,
             pair=own,
-            skeleton=self._own_skeletons.get(wanted.skeleton),
+            skeleton=query.skeleton,
         )

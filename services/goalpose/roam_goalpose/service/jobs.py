@@ -8,15 +8,14 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from uuid import uuid4
 
-from roam.v1 import goal_pose_pb2
 from roam_serving.access import CALLER
 from roam_serving.cache import RecentCache
 from roam_serving.errors import INTERNAL, ServiceError
 from roam_serving.logs import get_log
 
-from roam_goalpose.api.wanted import Wanted
 from roam_goalpose.errors import IDEMPOTENCY_KEY_REUSED, JOB_NOT_FOUND
-from roam_goalpose.service.application import Answer, GoalPoseApplication
+from roam_goalpose.service.application import GoalPoseApplication
+from roam_goalpose.service.queries import Answer, GoalPose, PoseQuery
 from roam_goalpose.solvers.progress import Progress
 
 log = get_log("roam_goalpose.service.jobs")
@@ -40,7 +39,7 @@ class Job:
     created: datetime
     origin: tuple[str, str] | None = None  # caller and idempotency key
     progress: Progress | None = None
-    goal_pose: goal_pose_pb2.GoalPose | None = None
+    goal_pose: GoalPose | None = None
     error: ServiceError | None = None
 
     @property
@@ -58,11 +57,11 @@ class Jobs:
         self._application = application
         self._jobs = RecentCache[str, Job](_KEPT)
         self._tasks: dict[str, asyncio.Task[None]] = {}
-        self._used = RecentCache[tuple[str, str], tuple[Wanted, Job | None]](_KEPT)  # by caller and idempotency key
+        self._used = RecentCache[tuple[str, str], tuple[PoseQuery, Job | None]](_KEPT)  # by caller and idempotency key
 
-    def start(self, wanted: Wanted, idempotency_key: str = "") -> Job:
+    def start(self, query: PoseQuery, idempotency_key: str = "") -> Job:
         """A new job, or the one that the same key started before. QUEUE_FULL, or IDEMPOTENCY_KEY_REUSED."""
-        known = self.use_key(wanted, idempotency_key)
+        known = self.use_key(query, idempotency_key)
         if known is not None:
             return known
         self._application.check_room()
@@ -70,13 +69,13 @@ class Jobs:
         job = Job(name=f"jobs/{uuid4().hex}", created=datetime.now(UTC), origin=origin)
         self._jobs.put(job.name, job)
         if origin is not None:
-            self._used.put(origin, (wanted, job))
-        task = asyncio.create_task(_run(job, self._application.synthesize(wanted)), name=job.name)
+            self._used.put(origin, (query, job))
+        task = asyncio.create_task(_run(job, self._application.synthesize(query)), name=job.name)
         self._tasks[job.name] = task
         task.add_done_callback(lambda _: self._tasks.pop(job.name, None))
         return job
 
-    def use_key(self, wanted: Wanted, idempotency_key: str) -> Job | None:
+    def use_key(self, query: PoseQuery, idempotency_key: str) -> Job | None:
         """Notes what an idempotency key was used for; the job it started, if it did.
 
         IDEMPOTENCY_KEY_REUSED when it stood for another request.
@@ -84,10 +83,10 @@ class Jobs:
         if not idempotency_key:
             return None
         place = (CALLER.get(), idempotency_key)
-        before, job = self._used.get(place) or (wanted, None)
-        if before != wanted:
+        before, job = self._used.get(place) or (query, None)
+        if before != query:
             raise ServiceError(IDEMPOTENCY_KEY_REUSED, field="Idempotency-Key")
-        self._used.put(place, (wanted, job))
+        self._used.put(place, (query, job))
         return job
 
     def get(self, name: str) -> Job:

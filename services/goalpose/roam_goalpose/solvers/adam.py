@@ -8,9 +8,8 @@ from roam_character.rotation import quat_from_rotvec, quat_mul
 from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure, figure_from_pose
+from roam_goalpose.energy.objective import Objective
 from roam_goalpose.solvers.candidates import Candidates
-
-Objective = Callable[[Figure], tuple[Tensor, dict[str, Tensor]]]
 
 
 @dataclass(frozen=True)
@@ -45,13 +44,13 @@ def descend(
     best: Candidates | None = None
     for iteration in range(schedule.iterations + 1):
         now = figure_from_pose(figure.skeleton, start_root + move, quat_mul(start, quat_from_rotvec(turn)))
-        energy, terms = objective(now)
-        best = _better(best, _detached(now, energy, terms))
+        found = objective.at(now)
+        best = _better(best, _detached(now, found.energy, found.terms))
         watch(iteration, best)
         if iteration == schedule.iterations:
             break
         optimiser.zero_grad(set_to_none=True)
-        torch.autograd.backward(energy.sum())
+        torch.autograd.backward(found.energy.sum())
         if not schedule.joints and turn.grad is not None:
             turn.grad[:, 1:] = 0.0
         optimiser.step()

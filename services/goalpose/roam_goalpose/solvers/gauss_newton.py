@@ -2,22 +2,25 @@
 
 Some 70 unknowns and a few hundred residuals: one step costs little more than one gradient of the descriptors, and a
 dozen steps do what hundreds of Adam steps do. Levenberg's damping is kept per candidate; a step that does not lower
-the energy is taken back. Several requests can share their steps: a batch twice as large costs far less than two.
+the energy is taken back. Several requests can share their steps: a batch twice as large costs far less than two. Every
+sum runs over one pose's own numbers or is a matrix product of one object's own queries; whether a request then gets the
+same bits in company as alone is up to the processor's kernels, and `sharing` holds them to it.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
-from roam_character.rotation import quat_normalize
+from roam_character.rotation import quat_from_rotvec, quat_mul, quat_normalize
 from torch import Tensor
 
-from roam_goalpose.energy.expansion import Expansion, Quadratic, expand, quadratic_concat, quadratic_where
 from roam_goalpose.energy.figure import Figure, figure_concat, figure_from_pose
-from roam_goalpose.energy.total import Aim, ReferenceModel, Settings, Target, models_joined
-from roam_goalpose.energy.turns import from_rotvec, product
+from roam_goalpose.energy.object import SignedDistance
+from roam_goalpose.energy.objective import Expansion, Objective, Quadratic, quadratic_concat, quadratic_where
+from roam_goalpose.energy.reference import ReferenceModel, models_stack
+from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.field.latent import latent_concat
 from roam_goalpose.solvers.candidates import Candidates
-from roam_goalpose.solvers.joined import targets_joined
 
 LONGEST_SHIFT, LARGEST_TURN = 0.06, 0.25  # [m], [rad] in one step
 
@@ -36,8 +39,8 @@ def newton_step(quadratic: Quadratic, damping: Tensor) -> Tensor:
 
 def moved(figure: Figure, step: Tensor) -> Figure:
     """The poses after a step [B, N]; a step of the root alone has 6 numbers."""
-    turn = from_rotvec(step[:, 3:].reshape(len(figure), -1, 3))
-    turned = quat_normalize(product(figure.rotations[:, : turn.shape[1]], turn))
+    turn = quat_from_rotvec(step[:, 3:].reshape(len(figure), -1, 3))
+    turned = quat_normalize(quat_mul(figure.rotations[:, : turn.shape[1]], turn))
     rotations = torch.cat([turned, figure.rotations[:, turn.shape[1] :]], dim=1)
     return figure_from_pose(figure.skeleton, figure.root_position + step[:, :3], rotations)
 
@@ -57,12 +60,16 @@ class Problem:
     watch: Callable[[int, Candidates], None] = lambda i, c: None  # told after every iteration; stops it by raising
 
     @property
+    def shape(self) -> Hashable:
+        """What decides the shapes of all its tensors, and so the kernels that compute them."""
+        return len(self.starts), self.model.width, self.settings, self.joints
+
+    @property
     def kind(self) -> Hashable:
         """Problems of one kind can share their steps: they differ in numbers only."""
-        model, target = self.model, self.target
-        sizes = (len(self.starts), model.contacts.joint.shape[1], model.probes.count, model.skeleton.id)
+        target = self.target
         alone = id(self) if target.constraints.given else None
-        return (*sizes, self.settings, self.joints, target.floor_height, id(target.field), alone)
+        return self.shape, target.floor_height, id(target.field), alone
 
 
 def minimise(problem: Problem) -> Candidates:
@@ -126,21 +133,17 @@ class _Batch:
     """Runs that share their steps, each with as many poses."""
 
     runs: list[_Run]
-    model: ReferenceModel  # a row for every pose
-    target: Target
+    objective: Objective  # the model has a row for every pose
     reference: Tensor  # [B] of every pose, which of its own request's
-    aim: Aim | None
 
     @classmethod
     def of(cls, runs: list[_Run]) -> "_Batch":
         """Those of problems of one kind."""
         problems = [run.problem for run in runs]
         reference = torch.cat([problem.starts.reference for problem in problems])
-        model = models_joined([problem.model[problem.starts.reference] for problem in problems])
+        model = models_stack([problem.model[problem.starts.reference] for problem in problems])
         target = targets_joined([problem.target for problem in problems], len(problems[0].starts))
-        settings = problems[0].settings
-        aim = Aim.of(model, settings) if settings.weights.descriptor else None
-        return cls(runs, model, target, reference, aim)
+        return cls(runs, Objective(model, target, problems[0].settings), reference)
 
     def begin(self) -> None:
         """Energy and slopes where they start."""
@@ -162,8 +165,7 @@ class _Batch:
                 run.shape = shape[share]
 
     def _expanded(self, figure: Figure) -> Expansion:
-        problem = self.runs[0].problem
-        return expand(figure, self.model, self.target, problem.settings, joints=problem.joints, aim=self.aim)
+        return self.objective.expand(figure, joints=self.runs[0].problem.joints)
 
     def _candidates(self, expansion: Expansion) -> Candidates:
         return Candidates(expansion.figure, self.reference, expansion.energy, expansion.terms)
@@ -172,3 +174,36 @@ class _Batch:
         """Which of all poses are whose."""
         each = len(self.reference) // len(self.runs)
         return [(run, slice(k * each, (k + 1) * each)) for k, run in enumerate(self.runs)]
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """The distances of several objects, each for its share of the poses."""
+
+    objects: Sequence[SignedDistance]
+
+    def query(self, points: Tensor) -> Tensor:
+        """Points `[B, ..., 3]` [m], as many poses for each object -> `[B, ...]` [m]."""
+        return torch.cat([one.query(part) for one, part in self._shares(points)])
+
+    def tangent(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Distance `[B, ...]` [m] and gradient `[B, ..., 3]` at points `[B, ..., 3]` [m]."""
+        found = [one.tangent(part) for one, part in self._shares(points)]
+        return torch.cat([distance for distance, _ in found]), torch.cat([gradient for _, gradient in found])
+
+    def _shares(self, points: Tensor) -> list[tuple[SignedDistance, Tensor]]:
+        return list(zip(self.objects, points.chunk(len(self.objects)), strict=True))
+
+
+def targets_joined(targets: Sequence[Target], poses: int) -> Target:
+    """Several objects, with `poses` poses on each, as one target."""
+    if len(targets) == 1:
+        return targets[0]
+    fronts = torch.stack([target.front for target in targets]).repeat_interleave(poses, dim=0)
+    return replace(
+        targets[0],
+        latent=latent_concat([target.latent for target in targets]),
+        distance=Distances([target.distance for target in targets]),
+        front=fronts[:, None],
+        objects=len(targets),
+    )

@@ -1,8 +1,8 @@
 """The published schedule (supplement C): 250 rigid, 100 joint and 150 regularised Adam steps from the paper's initial
 pose.
 
-Our changes (METHOD-NOTES): metres instead of millimetres and boxes, several initial headings in one batch, the best
-iterate instead of the last, no gradients for the network.
+Our changes (docs/concepts/method.md): metres instead of millimetres and boxes, several initial headings in one batch,
+the best iterate instead of the last, no gradients for the network.
 """
 
 from dataclasses import dataclass
@@ -11,8 +11,10 @@ import torch
 from torch import Tensor
 
 from roam_goalpose.energy.figure import Figure
-from roam_goalpose.energy.total import ReferenceModel, Settings, Target, total_energy
-from roam_goalpose.energy.weights import PAPER_FULL, PAPER_JOINTS, PAPER_RIGID
+from roam_goalpose.energy.objective import Objective
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.energy.terms import published_weights
 from roam_goalpose.objects import Shape
 from roam_goalpose.solvers.adam import Schedule, descend
 from roam_goalpose.solvers.candidates import Candidates
@@ -35,10 +37,12 @@ class PaperConfig:
         counts = [max(1, round(self.scale * n)) for n in (250, 100, 150)]
         rigid = Schedule(counts[0], 1e-3, 0.01, joints=False)
         free, final = Schedule(counts[1], 1e-3, 0.01, joints=True), Schedule(counts[2], 1e-3, 0.01, joints=True)
+        every = published_weights()
+        alone = every.only("descriptor")
         return [
-            (1, rigid, Settings(PAPER_RIGID, self.samples, knee_weight=3.0, by_nearness=False)),
-            (2, free, Settings(PAPER_JOINTS, self.samples, by_nearness=False)),
-            (3, final, Settings(PAPER_FULL, self.samples, by_nearness=False)),
+            (1, rigid, Settings(alone, self.samples, knee_weight=3.0, by_nearness=False)),
+            (2, free, Settings(alone, self.samples, by_nearness=False)),
+            (3, final, Settings(every, self.samples, by_nearness=False)),
         ]
 
 
@@ -73,10 +77,7 @@ def solve_paper(
             best = int(torch.argmin(now.energy))
             watch.tell(lambda: Progress(stage, done + iteration, total, float(now.energy[best]), now.pose(best)))
 
-        def objective(now: Figure, settings: Settings = settings) -> tuple[Tensor, dict[str, Tensor]]:
-            return total_energy(now, model, target, settings)
-
-        found = descend(figure, objective, schedule, watch=report)
+        found = descend(figure, Objective(model, target, settings), schedule, watch=report)
         figure, done = found.figure, done + schedule.iterations
     assert found is not None
     return found.ranked()

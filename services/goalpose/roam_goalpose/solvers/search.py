@@ -3,15 +3,20 @@
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from roam_character.rotation import quat_from_yaw, quat_mul, quat_rotate, quat_to_matrix
 from torch import Tensor
 
-from roam_goalpose.energy.contact import Contacts, contact
-from roam_goalpose.energy.facing import carried_front, facing
 from roam_goalpose.energy.figure import Figure, figure_concat
-from roam_goalpose.energy.total import ReferenceModel, Settings, Target, total_energy, without_descriptor
+from roam_goalpose.energy.objective import Objective, coarse_terms
+from roam_goalpose.energy.reference import PerReference, ReferenceModel
+from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.energy.terms.contact import Contacts, contact, contacts_of
+from roam_goalpose.energy.terms.facing import Facing, carried_front, facing
 from roam_goalpose.energy.weights import EnergyWeights
+from roam_goalpose.objects import Shape
 from roam_goalpose.references.legs import settle_legs
 from roam_goalpose.solvers.candidates import Candidates, candidates_concat, distinct
 from roam_goalpose.solvers.progress import Watch
@@ -32,8 +37,9 @@ def placed_figures(model: ReferenceModel, places: Tensor, floor_height: float) -
     count, spots = len(model), len(places)
     root = places + torch.tensor([0.0, 1.0, 0.0]) * model.hip_height[:, None, None]
     upright = model.figure[torch.arange(count).repeat_interleave(spots)].moved_to(root.flatten(0, 1))
-    on_floor = model.contacts.on_floor
-    height = model.figure.positions[torch.arange(count)[:, None], model.contacts.joint, 1] - model.floor_height[:, None]
+    contacts = contacts_of(model)
+    on_floor = contacts.on_floor
+    height = model.figure.positions[torch.arange(count)[:, None], contacts.joint, 1] - model.floor_height[:, None]
     ankle = torch.where(on_floor, height, -torch.inf).amax(1)
     stands = on_floor.any(1).repeat_interleave(spots)
     if not stands.any():
@@ -61,8 +67,8 @@ def evaluate(
     parts = []
     for start in range(0, len(figure), chunk):
         now = slice(start, start + chunk)
-        energy, terms = total_energy(figure[now], model.of(reference[now]), target, settings)
-        parts.append(Candidates(figure[now], reference[now], energy, terms))
+        found = Objective(model.of(reference[now]), target, settings).at(figure[now])
+        parts.append(Candidates(figure[now], reference[now], found.energy, found.terms))
     return candidates_concat(parts)
 
 
@@ -79,10 +85,10 @@ def best_touching(
     touch = _Touch.of(placed, model, target, weights, turns)
     energy = torch.full_like(touch.least, torch.inf)
     first = max(count, energy.shape[1] // 4)
-    wanted = touch.least <= touch.least.kthvalue(first, dim=1, keepdim=True).values
-    energy[wanted] = touch.energy(wanted)
-    wanted = energy.isinf() & (touch.least < energy.kthvalue(count, dim=1, keepdim=True).values)
-    energy[wanted] = touch.energy(wanted)
+    selected = touch.least <= touch.least.kthvalue(first, dim=1, keepdim=True).values
+    energy[selected] = touch.energy(selected)
+    selected = energy.isinf() & (touch.least < energy.kthvalue(count, dim=1, keepdim=True).values)
+    energy[selected] = touch.energy(selected)
     return energy.topk(count, largest=False).indices
 
 
@@ -103,23 +109,25 @@ class _Touch:
         cls, placed: Figure, model: ReferenceModel, target: Target, weights: EnergyWeights, turns: Tensor
     ) -> "_Touch":
         own = model[torch.arange(len(model)).repeat_interleave(len(placed) // len(model))]
-        turn = quat_to_matrix(quat_from_yaw(turns))
-        front = carried_front(placed, own.front) @ turn[:, None].transpose(-1, -2)  # [H, R * K, 1, 3]
+        turn, carried = quat_to_matrix(quat_from_yaw(turns)), own.prepared[Facing.name]
+        assert isinstance(carried, PerReference)
+        front = carried_front(placed, carried) @ turn[:, None].transpose(-1, -2)  # [H, R * K, 1, 3]
         aside = facing(front.transpose(0, 1).flatten(0, 1), target.front).energy
-        missing = 1.0 - model.contacts.weight.sum(-1, keepdim=True)
-        least = weights.facing * aside.reshape(len(model), -1) + weights.contact * missing
-        arms = own.contacts.on(placed) - placed.root_position[:, None]
-        return cls(model.contacts, target, weights.contact, placed.root_position, arms, turn, least)
+        contacts, weight = contacts_of(model), weights["contact"]
+        missing = 1.0 - contacts.weight.sum(-1, keepdim=True)
+        least = weights["facing"] * aside.reshape(len(model), -1) + weight * missing
+        arms = contacts_of(own).on(placed) - placed.root_position[:, None]
+        return cls(contacts, target, weight, placed.root_position, arms, turn, least)
 
-    def energy(self, wanted: Tensor) -> Tensor:
-        """Of the `wanted` [R, K * H] placements, in their order."""
-        reference, which = torch.nonzero(wanted, as_tuple=True)
-        pose = reference * (len(self.root) // len(wanted)) + which // len(self.turn)
+    def energy(self, selected: Tensor) -> Tensor:
+        """Of the `selected` [R, K * H] placements, in their order."""
+        reference, which = torch.nonzero(selected, as_tuple=True)
+        pose = reference * (len(self.root) // len(selected)) + which // len(self.turn)
         contacts = self.contacts[reference]
         points = self.root[pose, None] + self.arms[pose] @ self.turn[which % len(self.turn)].transpose(-1, -2)
         misses = contacts.misses(points[..., 1] - self.target.floor_height, self.target.distance.query(points))
         met = contact(misses, contacts.weight).energy - (1.0 - contacts.weight.sum(-1))
-        return self.least[wanted] + self.weight * met
+        return self.least[selected] + self.weight * met
 
 
 def coarse_search(
@@ -140,17 +148,51 @@ def coarse_search(
     owner = torch.arange(len(model)).repeat_interleave(len(places))
     each = len(places) * len(turns)
     which = torch.arange(len(model) * each)
-    if w.contact:
+    if w["contact"]:
         best = best_touching(placed, model, target, w, turns, min(TOUCHING, each))
         which = (best + each * torch.arange(len(model))[:, None]).flatten()
     watch.check()
     figure = turned_figures(placed[which // len(turns)], turns[which % len(turns)])
     reference = owner[which // len(turns)]
-    if w.contact or w.penetration:
+    if w["contact"] or w["penetration"]:
         # Rigid moves hardly change the terms of the body alone; contacts and penetration imply the clearance.
-        cheap = replace(w, prior=0.0, angle_limit=0.0, gravity=0.0, self_collision=0.0, floor=0.0, clearance=0.0)
-        found = evaluate(figure, reference, model, target, without_descriptor(replace(settings, weights=cheap)))
+        cheap = replace(settings, weights=w.only(*coarse_terms()))
+        found = evaluate(figure, reference, model, target, cheap)
         chosen = distinct(found, shortlist * len(model), reach=apart, angle=0.3, each=shortlist)
         figure, reference = figure[chosen], reference[chosen]
     watch.check()
     return evaluate(figure, reference, model, target, settings)
+
+
+STEP = 0.02  # [m] vertical sampling
+HEADROOM = (0.08, 0.16, 0.24, 0.32)  # [m] above a surface, free of the object
+LOWEST, HIGHEST = 0.12, 1.15  # [m] above the floor: nobody sits on less or more
+
+
+def find_places(shape: Shape, *, most: int = 160) -> Tensor:
+    """Surface points [K, 3] [m] to try the seat of the body on, at most about `most`, on a horizontal grid."""
+    low, high = shape.bounds
+    spacing = float(np.clip(np.sqrt((high[0] - low[0]) * (high[2] - low[2]) / most), 0.045, 0.12))
+    columns = _columns(low, high, spacing)
+    top = min(float(high[1]), shape.floor_height + HIGHEST) + STEP
+    heights = torch.arange(top, shape.floor_height + LOWEST, -STEP)
+    points = torch.stack(torch.broadcast_tensors(columns[:, None, 0], heights, columns[:, None, 1]), dim=-1)
+    d = shape.distance.query(points)  # [columns, heights], downwards
+    enter = (d[:, :-1] > 0) & (d[:, 1:] <= 0)
+    column, step = torch.nonzero(enter, as_tuple=True)
+    before, after = d[column, step], d[column, step + 1]
+    surface = points[column, step].clone()
+    surface[:, 1] -= STEP * before / (before - after).clamp(min=1e-6)
+    above = surface[:, None] + torch.tensor([[0.0, h, 0.0] for h in HEADROOM])
+    return surface[(shape.distance.query(above) > 0.02).all(-1)]
+
+
+def _columns(low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], spacing: float) -> Tensor:
+    """Grid over the footprint, symmetric about its middle. -> [K, 2]."""
+    axes = []
+    for axis in (0, 2):
+        count = max(1, int((high[axis] - low[axis]) / spacing))
+        middle = (high[axis] + low[axis]) / 2
+        axes.append(middle + spacing * (torch.arange(count) - (count - 1) / 2))
+    x, z = torch.meshgrid(axes[0].float(), axes[1].float(), indexing="ij")
+    return torch.stack([x.reshape(-1), z.reshape(-1)], dim=-1)

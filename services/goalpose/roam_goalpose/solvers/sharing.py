@@ -2,14 +2,26 @@
 
 One thread computes at a time: tensor operations of two would only fight for the core. It goes on until it has a problem
 that others may have too. When all who take part have come that far, one of them solves all problems of a kind at once.
+
+What a request gets must not depend on its company, to the bit. Matrix products of other shapes may run through other
+kernels, which round otherwise: on one processor never, on another often (seen with MKL on AVX2 and on AMD EPYC, not on
+Intel's AVX-512). So company is tried before it is trusted: problems of shapes that have not met yet are solved alone
+and together, and only where all bits agree do such problems share steps from then on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass, replace
 from threading import Condition
+from typing import Any
+
+from roam_serving.logs import get_log
+from torch import Tensor
 
 from roam_goalpose.solvers.candidates import Candidates
 from roam_goalpose.solvers.gauss_newton import Problem, minimise_together
+
+log = get_log("roam_goalpose.solvers.sharing")
 
 
 class _Post:
@@ -28,6 +40,7 @@ class SharedSteps:
         self._taking_part = 0
         self._computing = False
         self._posts: list[_Post] = []
+        self._agreed: dict[tuple[Hashable, int], bool] = {}  # by shape and size of a company
 
     @contextmanager
     def taking_part(self) -> Iterator[None]:
@@ -70,12 +83,34 @@ class SharedSteps:
         self._computing = True
         self._changed.release()
         try:
-            outcomes = _outcomes(chosen)
+            outcomes = self._outcomes([post.problem for post in chosen])
         finally:
             self._changed.acquire()
         for post, outcome in zip(chosen, outcomes, strict=True):
             post.outcome = outcome
         self._end()
+
+    def _outcomes(self, problems: Sequence[Problem]) -> Sequence[Candidates | Exception]:
+        """What becomes of each; one error of the computation itself is everyone's."""
+        try:
+            if len(problems) == 1 or self._trusted(problems):
+                return minimise_together(problems)
+            return [outcome for problem in problems for outcome in minimise_together([problem])]
+        except Exception as error:
+            return [error] * len(problems)
+
+    def _trusted(self, problems: Sequence[Problem]) -> bool:
+        """Whether such problems get the same bits in company: tried once for every size of it, as some end sooner."""
+        return all(self._agree(problems[:count]) for count in range(2, len(problems) + 1))
+
+    def _agree(self, problems: Sequence[Problem]) -> bool:
+        company = problems[0].shape, len(problems)
+        if company not in self._agreed:
+            quiet = [replace(problem, watch=lambda iteration, found: None) for problem in problems]
+            alone = [outcome for problem in quiet for outcome in minimise_together([problem])]
+            self._agreed[company] = _same(alone, minimise_together(quiet))
+            log.info("company tried", problems=len(problems), same_bits=self._agreed[company])
+        return self._agreed[company]
 
     def _begin(self) -> None:
         self._changed.wait_for(lambda: not self._computing)
@@ -86,9 +121,14 @@ class SharedSteps:
         self._changed.notify_all()
 
 
-def _outcomes(posts: Sequence[_Post]) -> Sequence[Candidates | Exception]:
-    """What becomes of each; one error of the computation itself is everyone's."""
-    try:
-        return minimise_together([post.problem for post in posts])
-    except Exception as error:
-        return [error] * len(posts)
+def _same(one: Any, other: Any) -> bool:
+    """Whether two values are equal in all the tensors that they hold, to the bit."""
+    if isinstance(one, Tensor):
+        return one.shape == other.shape and one.numpy().tobytes() == other.numpy().tobytes()
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if is_dataclass(one):
+        return all(_same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
+    return True  # names, skeletons

@@ -5,13 +5,15 @@ shows only once its pose has been adapted a little.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from torch import Tensor
 
-from roam_goalpose.energy.penetration import penetration_depths
-from roam_goalpose.energy.total import ReferenceModel, Settings, Target
-from roam_goalpose.energy.weights import DEFAULT, EnergyWeights
+from roam_goalpose.energy.body import penetration_depths
+from roam_goalpose.energy.reference import ReferenceModel
+from roam_goalpose.energy.scene import Settings, Target
+from roam_goalpose.energy.terms import default_weights
+from roam_goalpose.energy.weights import EnergyWeights
 from roam_goalpose.solvers.candidates import Candidates, distinct
 from roam_goalpose.solvers.gauss_newton import Problem, minimise
 from roam_goalpose.solvers.progress import Progress, Watch
@@ -47,7 +49,7 @@ POLISH = Round(keep=1, each=1, iterations=16, samples=3, joints=True, tolerance=
 class SolverConfig:
     """Sizes of the search; the defaults are what evaluation settled on."""
 
-    weights: EnergyWeights = DEFAULT
+    weights: EnergyWeights = field(default_factory=default_weights)
     headings: int = 16
     shortlist: int = 48  # placements that geometry passes on to the descriptor, of all references together
     coarse_samples: int = 1  # probes per centre

@@ -16,7 +16,7 @@ from roam_character.formats.bvh import read_bvh
 from roam_character.retarget import retarget
 from roam_character.skeleton import Skeleton, humanoid_skeleton
 
-from roam_goalpose.energy.angle_limit import LIMITS_FILE, bone_axis, swing_twist
+from roam_goalpose.energy.terms.angle_limit import LIMITS_FILE, bone_axis, swing_twist
 
 PERCENTILES = (0.2, 99.8)
 EVERY = 4  # frames; neighbours say the same

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from roam_goalpose.objects.voxels import walled_in
+from roam_goalpose.objects.surfaces.voxels import walled_in
 
 Array = NDArray[np.float64]
 

@@ -23,23 +23,11 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
-from roam_goalpose.furniture import CATEGORIES, generate
+from roam_goalpose.furniture import CATEGORIES, TABLE, generate
 from roam_goalpose.training.examples import QUERY_POINTS, SURFACE_POINTS, Example, from_furniture, from_mesh
 
 log = structlog.get_logger()
 
-SHARES = {
-    "chair": 26,
-    "armchair": 18,
-    "officechair": 6,
-    "lounger": 5,
-    "sofa": 22,
-    "bench": 7,
-    "stool": 6,
-    "barstool": 4,
-    "bed": 6,
-}
-"""How often each category is generated, in percent."""
 LAYOUT: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "surface": (np.float16, (SURFACE_POINTS, 3)),
     "normals": (np.int8, (SURFACE_POINTS, 3)),
@@ -112,8 +100,8 @@ def open_or_write(folder: Path, count: int, examples: Callable[[], Iterable[Exam
 
 
 def procedural_examples(count: int, *, seed: int, categories: Sequence[str] = CATEGORIES) -> Iterable[Example]:
-    """`count` generated examples with seeds `seed`, `seed + 1`, …, mixed over `categories` by `SHARES`."""
-    weights = np.array([SHARES[category] for category in categories], dtype=float)
+    """`count` generated examples with seeds `seed`, `seed + 1`, …, mixed over `categories` by their shares."""
+    weights = np.array([TABLE[category].share for category in categories], dtype=float)
     chosen = np.random.default_rng([3, seed]).choice(len(categories), count, p=weights / weights.sum())
     for k in range(count):
         category = categories[chosen[k]]

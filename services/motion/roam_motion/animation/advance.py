@@ -1,27 +1,28 @@
 """One frame of B characters: encode, predict, blend, plant the feet, shift the series.
 
-Training roll-outs and the service call this same function, so training sees exactly what runs.
+Training roll-outs call `advance`; the service traces its three parts as graphs (see graphs.py), to the same numbers up
+to rounding. So training sees what runs.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
+from roam_motion.actions import CARRIED, LIE, STYLES
 from roam_motion.animation.blending import WHOLE, Blending, blend_pose, blend_trajectory, blend_weights, limit_turns
 from roam_motion.animation.collision import Furniture, keep_clear
-from roam_motion.animation.features import Answer, Goals, Inputs, decode, encode, goal_frame
 from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.foot_contacts import plant
-from roam_motion.animation.state import FRAME_RATE, Characters
+from roam_motion.animation.prediction import Goals, Predict, Prediction, goal_frame
+from roam_motion.animation.proportions import size
+from roam_motion.animation.state import FRAME_RATE, LABELLED, PHASE, STYLE, Characters
 from roam_motion.animation.stepping import Steps, halted, step
 
-# Normalised network call: raw inputs -> raw output [B, O].
-Predict = Callable[[Inputs], Tensor]
-
-_HANGING = 0.105  # [m] an ankle higher than this does not stand on the floor
+_HANGING = 0.105  # [m], for legs of 0.82 m: an ankle higher than this does not stand on the floor
 _COMMITTED = 0.3  # blending weight from which feet go where the goal pose has them
+# Style labels that count as taking a goal pose; whatever else the goal's own action shows counts as well.
+_CARRIED = torch.tensor([float(style in CARRIED) for style in STYLES])
 _HURRY = 1.15  # times as fast as else bones may turn out of furniture
 _MOST_PHASE = 0.08  # [turns] per frame: 2.4 gait cycles a second
 
@@ -73,13 +74,13 @@ def advance(
 def propose(
     figure: Figure, predict: Predict, characters: Characters, goals: Goals, parts: Blending = WHOLE
 ) -> Proposal:
-    """What the network answers, blended with the goal."""
+    """What the model predicts, blended with the goal."""
     positions = figure.positions(characters.hips, characters.orientations)
     root = figure.frame(positions)
-    answer = decode(predict(encode(figure, characters, goals, positions, root)), characters, positions, root)
+    answer = predict(characters, goals, positions, root)
     distance = (positions - goals.pose_positions).norm(dim=-1).mean(-1)
-    styles = answer.trajectory[:, 0, 4:8].clamp(0.0, 1.0)
-    action = goals.active * (styles[:, 2] + styles[:, 3]).clamp_max(1.0)
+    styles = answer.trajectory[:, 0, STYLE].clamp(0.0, 1.0)
+    action = goals.active * (styles * torch.maximum(goals.action, _CARRIED)).sum(-1).clamp_max(1.0)
     blend, settled = blend_weights(distance, action, characters.blend, characters.settled, goals.urgency, parts)
     facing = goal_frame(figure, goals)
     # Without an active goal there is nothing to blend with, whatever weight is left from before.
@@ -93,7 +94,7 @@ def propose(
         contacts=answer.contacts.clamp(0.0, 1.0),
         floor=_standing(figure, goals, styles, seated),
         styles=styles,
-        phase=characters.past[:, -1, 8:] + answer.phase[:, :1].clamp(0.0, _MOST_PHASE),
+        phase=characters.past[:, -1, PHASE] + answer.phase[:, :1].clamp(0.0, _MOST_PHASE),
         future=_future(characters, answer, root, facing, goals),
         seated=seated,
         settled=settled,
@@ -139,13 +140,13 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
     )
     after = figure.positions(feet.hips, feet.orientations)
     past = _past(figure, characters, proposal, after)
-    whole = past[:, -1:, 8:].floor()
+    whole = past[:, -1:, PHASE].floor()
     moved = Characters(
         hips=feet.hips,
         orientations=feet.orientations,
         velocities=(after - proposal.before) * FRAME_RATE,
-        past=torch.cat([past[..., :8], past[..., 8:] - whole], -1),
-        future=torch.cat([proposal.future[..., :8], proposal.future[..., 8:] - whole], -1),
+        past=torch.cat([past[..., LABELLED], past[..., PHASE] - whole], -1),
+        future=torch.cat([proposal.future[..., LABELLED], proposal.future[..., PHASE] - whole], -1),
         contacts=proposal.contacts,
         locks=feet.locks,
         lock_weights=feet.weights,
@@ -162,8 +163,8 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
 def _standing(figure: Figure, goals: Goals, styles: Tensor, seated: Tensor) -> Tensor:
     """Whether each contact [B, 4] belongs on the floor: not when lying, and not where the goal's foot hangs."""
     ankles = goals.pose_positions[:, figure.contacts[[0, 2]], 1].repeat_interleave(2, 1)
-    hanging = (ankles > _HANGING) & (seated[:, None] > _COMMITTED)
-    return (styles[:, 3:] < 0.5).float() * (~hanging).float()
+    hanging = (ankles > _HANGING * size(figure)) & (seated[:, None] > _COMMITTED)
+    return (styles[:, LIE.column, None] < 0.5).float() * (~hanging).float()
 
 
 def _past(figure: Figure, characters: Characters, proposal: Proposal, after: Tensor) -> Tensor:
@@ -173,8 +174,8 @@ def _past(figure: Figure, characters: Characters, proposal: Proposal, after: Ten
     return torch.cat([characters.past[:, 1:], now[:, None]], 1)
 
 
-def _future(characters: Characters, answer: Answer, root: Frame, facing: Frame, goals: Goals) -> Tensor:
+def _future(characters: Characters, answer: Prediction, root: Frame, facing: Frame, goals: Goals) -> Tensor:
     """Future keys [B, 6, 9] in the world."""
     places = blend_trajectory(answer, root, facing, goals)
-    phases = characters.past[:, -1:, 8:] + answer.phase[:, 1:, None].clamp(0.0, 2.0)
-    return torch.cat([places, answer.trajectory[:, 1:, 4:8].clamp(0.0, 1.0), phases], -1)
+    phases = characters.past[:, -1:, PHASE] + answer.phase[:, 1:, None].clamp(0.0, 2.0)
+    return torch.cat([places, answer.trajectory[:, 1:, STYLE].clamp(0.0, 1.0), phases], -1)

@@ -1,6 +1,6 @@
 """Bidirectional blending (paper 3.2, supplement C): the forward answer meets the goal-centric one near the goal.
 
-The paper prints an additive blend and a reciprocal in the exponent; both are slips (METHOD-NOTES, decision 7). Here
+The paper prints an additive blend and a reciprocal in the exponent; both are slips (docs/concepts/method.md, 7). Here
 lambda = action value x (1 - 1 / (1 + exp(-20 (d - 0.25)))) interpolates positions *and* rotations: 0.993 at the goal,
 0.5 at 25 cm, 0.007 at 50 cm mean joint distance.
 """
@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.features import Answer, Goals, goal_orientations, world_axes
 from roam_motion.animation.figure import Figure, Frame, orthonormal, six, unit
+from roam_motion.animation.prediction import Goals, Prediction, goal_orientations, world_axes
 from roam_motion.animation.state import FUTURE, Characters
 
 _STEEPNESS = 20.0  # [1/m]
@@ -62,7 +62,7 @@ def blend_weights(
 
 
 def blend_pose(
-    answer: Answer,
+    answer: Prediction,
     characters: Characters,
     before: Tensor,
     root: Frame,
@@ -113,7 +113,7 @@ def limit_turns(figure: Figure, before: Tensor, wanted: Tensor, active: Tensor, 
     return torch.where(share[..., None] < 1, orthonormal(torch.lerp(six(before), six(wanted), share)), wanted)
 
 
-def blend_trajectory(answer: Answer, root: Frame, facing: Frame, goals: Goals) -> Tensor:
+def blend_trajectory(answer: Prediction, root: Frame, facing: Frame, goals: Goals) -> Tensor:
     """Future keys in the world [B, 6, 4] (x, z, direction), weight (k/7)^(D^2) with D the distance to the goal [m]."""
     ahead, back = answer.trajectory[:, 1:], answer.inverse_trajectory[:, 1:]
     places, directions = root.points_out(ahead[..., :2]), root.turn_out(ahead[..., 2:4])

@@ -17,12 +17,13 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.animation.figure import Figure, turn_between, unit
+from roam_motion.animation.proportions import size
 
 _SKIN = 0.011  # [m] kept between body and furniture: the grid rounds thin parts off
 _ROUNDS = 3  # of pushing
 _FASTEST = 0.06, 0.04  # [m] a hand, a foot or the trunk is pushed per frame at most
 _MOVED = 0.01  # [m] a foot pushed farther than this cannot stay where it is
-_REACH = 0.9  # [m] from the hips to the furniture's box within which limbs may touch it
+_REACH = 0.9  # [m], for legs of 0.82 m, from the hips to the furniture's box within which limbs may touch it
 _LET_GO = 0.6, 1.0  # settledness from which the push fades, and at which it is gone
 _ARM_SHARES = 0.5, 1.0, 1.35, 1.7, 2.0  # samples along upper arm (to 1) and forearm (to 2)
 _SHIN_SHARES = 0.25, 0.5, 0.75, 1.0  # samples along the shin
@@ -121,8 +122,8 @@ class Furniture:
         return Furniture(self.values, *(part[rows] for part in parts))
 
 
-def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], lying: list[bool]) -> Furniture:
-    """The volumes of B characters, who lie down on them or not; the same volume is kept once."""
+def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], onto: list[bool]) -> Furniture:
+    """The volumes of B characters, who bring feet and back `onto` them or not; the same volume is kept once."""
     distinct = {id(volume): volume for volume in volumes}
     starts, count = {}, 0
     for key, volume in distinct.items():
@@ -138,17 +139,17 @@ def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], lying: list[b
         pitch=torch.tensor([volume.pitch for volume in volumes], dtype=torch.float32),
         axes=torch.tensor([[[c, 0, -s], [0, 1, 0], [s, 0, c]] for c, s in turns], dtype=torch.float32),
         allowed=torch.from_numpy(np.stack(allowed)),
-        walked_round=1.0 - torch.tensor(lying, dtype=torch.float32),
+        walked_round=1.0 - torch.tensor(onto, dtype=torch.float32),
     )
 
 
-def near(volume: Volume, x: float, z: float) -> bool:
+def near(figure: Figure, volume: Volume, x: float, z: float) -> bool:
     """Whether a character whose hips are over (x, z) [m] can touch the object."""
     c, s = np.cos(volume.yaw), np.sin(volume.yaw)
     dx, dz = x - float(volume.origin[0]), z - float(volume.origin[2])
     local = np.array([c * dx - s * dz, s * dx + c * dz])
     high = volume.pitch * (np.array(volume.values.shape)[[0, 2]] - 1)
-    return bool(np.linalg.norm(local - np.clip(local, 0.0, high)) < _REACH)
+    return bool(np.linalg.norm(local - np.clip(local, 0.0, high)) < _REACH * size(figure))
 
 
 def goal_depths(figure: Figure, positions: np.ndarray, orientations: np.ndarray, volume: Volume) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Foot locking: a planted foot stays where it was put, the leg and, if it must, the pelvis follow.
 
-The published code leaves this inoperative (METHOD-NOTES, decision 6). A contact is held on the floor from its first
+The published code leaves this inoperative (docs/concepts/method.md, 6). A contact is held on the floor from its first
 frame; on release the foot goes over to the network's place within a few frames, never faster than feet move. A planted
 foot is held at its ankle, and turned so that its toes stay too; once the heel lifts it is held at its toes. Near the
 goal pose, a foot held away from its place there makes one small lifted step, never a slide. Feet are kept above the
@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.animation.figure import Figure, turn_between, unit
-from roam_motion.animation.state import FRAME_RATE, Characters
+from roam_motion.animation.state import FRAME_RATE, PLACE, Characters
 from roam_motion.animation.stepping import Steps, rise
 
 _ON, _OFF = 0.7, 0.55  # contact probability that starts and ends a lock
@@ -168,7 +168,7 @@ def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: 
 
 def _hurry(characters: Characters) -> Tensor:
     """What feet may move farther in a frame [B, 1] [m], of somebody who walks fast."""
-    way = characters.past[:, -1, :2] - characters.past[:, -1 - _STRIDE, :2]
+    way = characters.past[:, -1, PLACE] - characters.past[:, -1 - _STRIDE, PLACE]
     speed = vector_norm(way, dim=-1, keepdim=True) * (FRAME_RATE / _STRIDE)
     more, least, most = _FASTER
     return more * ((speed - least) / (most - least)).clamp(0.0, 1.0)

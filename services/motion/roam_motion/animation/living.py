@@ -14,9 +14,10 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
+from roam_motion.actions import IDLE, LIE
 from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, turn_between, unit
 from roam_motion.animation.manner import of
-from roam_motion.animation.state import Characters
+from roam_motion.animation.state import STYLE, Characters
 
 _BREATH = 3.9, 0.12  # [s], and how much a deviate of `breath` changes it: people breathe 12 to 20 times a minute
 _UNREST = 0.25  # how much a deviate of `unrest` changes the size of shifts
@@ -74,7 +75,7 @@ WIDTH = 8  # numbers of `Life`
 
 def stillness(characters: Characters) -> Tensor:
     """How much of the living idle shows [B]: all of it in a held pose and when standing, none on the way."""
-    return torch.maximum(characters.settled, characters.past[:, -1, 4]).clamp(0.0, 1.0)
+    return torch.maximum(characters.settled, characters.past[:, -1, STYLE.start + IDLE.column]).clamp(0.0, 1.0)
 
 
 @cache
@@ -90,7 +91,7 @@ def alive(figure: Figure, characters: Characters, orientations: Tensor, life: Li
     angles = angles + size[:, None, None] * _shift(life.clock)[:, None] * _OF_SHIFTS
     turns = turn_about(share[:, None, None] * angles)
     turned = orientations.index_copy(1, joints, orientations[:, joints] @ turns)
-    seated = characters.settled * (1 - characters.past[:, -1, 7]).clamp(0.0, 1.0)
+    seated = characters.settled * (1 - characters.past[:, -1, STYLE.start + LIE.column]).clamp(0.0, 1.0)
     turned = _shifted(figure, turned, seated * size, life)
     turned = _looking(figure, turned, share, characters.gaze, life.clock)
     kept = characters.settled[:, None] * (_LOOSELY + (1 - _LOOSELY) * life.hands)

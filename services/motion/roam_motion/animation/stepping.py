@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.features import Goals
 from roam_motion.animation.figure import Figure, unit
 from roam_motion.animation.manner import of
+from roam_motion.animation.prediction import Goals
 from roam_motion.animation.proportions import leg_length, size
 from roam_motion.animation.state import Characters
 

@@ -7,16 +7,15 @@ from typing import Annotated, Any, Literal
 import orjson
 from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import StreamingResponse
-from roam.v1 import motion_pb2
 from sse_starlette import EventSourceResponse
 
+from roam_motion.api import validation
 from roam_motion.api.schemas import ControlJson, ControlledJson, CreateSessionJson, SessionJson, SessionsJson, item_json
 from roam_motion.session.application import MotionApplication
 from roam_motion.session.session import FrameRecord
+from roam_motion.session.stream import Pacing, StreamOptions
 
 NDJSON = "application/x-ndjson"
-
-_PACINGS = {"realtime": motion_pb2.PACING_REALTIME, "burst": motion_pb2.PACING_BURST}
 
 
 def motion_router(application: Callable[[], MotionApplication]) -> APIRouter:
@@ -28,7 +27,7 @@ def motion_router(application: Callable[[], MotionApplication]) -> APIRouter:
         body: CreateSessionJson | None = None,
         x_roam_session: Annotated[str, Header(include_in_schema=False)] = "",  # set by gateways
     ) -> SessionJson:
-        request = (body or CreateSessionJson()).message()
+        request = (body or CreateSessionJson()).request()
         return SessionJson.of(await application().create_session(request, x_roam_session))
 
     @router.get("", summary="List sessions")
@@ -49,7 +48,8 @@ def motion_router(application: Callable[[], MotionApplication]) -> APIRouter:
 
     @router.post("/{session}/control", summary="Steer, give a goal, pause or go on")
     async def control(session: str, body: ControlJson) -> ControlledJson:
-        effective = await application().control(f"sessions/{session}", body.message())
+        motion = application()
+        effective = await motion.control(f"sessions/{session}", body.request(motion.skeleton))
         return ControlledJson(effective_sequence=effective)
 
     _add_frames(router, application)
@@ -70,12 +70,10 @@ def _add_frames(router: APIRouter, application: Callable[[], MotionApplication])
         after_sequence: Annotated[int, Query(ge=0, lt=1 << 32, description="last frame you have")] = 0,
         positions: Annotated[bool, Query(description="also send joint positions")] = False,
         accept: Annotated[str, Header()] = "",
-        last_event_id: Annotated[int, Header(ge=0, lt=1 << 32)] = 0,
+        last_event_id: Annotated[str, Header(description="as EventSource sends it; counts more than the query")] = "",
     ) -> Response:
-        opening = motion_pb2.Open(
-            session=f"sessions/{session}", after_sequence=after_sequence or last_event_id, pacing=_PACINGS[pacing]
-        )
-        lines = frame_lines(application(), opening, count=count, positions=positions)
+        options = StreamOptions(Pacing(pacing), validation.event_id(last_event_id) or after_sequence)
+        lines = frame_lines(application(), f"sessions/{session}", options, count=count, positions=positions)
         first = await anext(lines)  # errors of opening come before the status line
         if "text/event-stream" in accept:
             return EventSourceResponse(_events(first, lines))
@@ -83,11 +81,11 @@ def _add_frames(router: APIRouter, application: Callable[[], MotionApplication])
 
 
 async def frame_lines(
-    application: MotionApplication, opening: motion_pb2.Open, *, count: int | None, positions: bool
+    application: MotionApplication, session: str, options: StreamOptions, *, count: int | None, positions: bool
 ) -> AsyncIterator[dict[str, Any]]:
     """The stream's items as JSON objects, at most `count` frames of them."""
     left = count
-    async with application.stream(opening) as stream:
+    async with application.stream(session, options) as stream:
         async for item in stream:
             yield item_json(item, stream.session, positions=positions)
             if isinstance(item, FrameRecord) and left is not None:

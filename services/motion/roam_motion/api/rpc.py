@@ -2,34 +2,40 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator, Callable
-from contextlib import aclosing
+from contextlib import aclosing, asynccontextmanager
 from typing import Any
 
 import grpc
 from google.protobuf.timestamp_pb2 import Timestamp
-from roam.v1 import motion_pb2, motion_pb2_grpc
+from roam.v1 import motion_pb2, motion_pb2_grpc, skeleton_pb2
 from roam_serving.errors import ServiceError
 
+from roam_motion.api import messages
 from roam_motion.api.messages import session_message
 from roam_motion.errors import OPEN_REQUIRED
 from roam_motion.session.application import MotionApplication
-from roam_motion.session.stream import FrameStream
+from roam_motion.session.stream import FrameStream, Item
 
 # ruff: noqa: N802  # methods carry gRPC's names
 
 
 class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
-    """roam.v1.MotionService; `application` is called per request because it exists only once models are loaded."""
+    """roam.v1.MotionService; `application` is called per request because it exists only once models are loaded.
 
-    def __init__(self, application: Callable[[], MotionApplication]) -> None:
-        self._application = application
+    `skeleton` is what stream headers tell of the server's.
+    """
+
+    def __init__(self, application: Callable[[], MotionApplication], skeleton: skeleton_pb2.Skeleton) -> None:
+        self._application, self._skeleton = application, skeleton
 
     async def CreateSession(
         self, request: motion_pb2.CreateSessionRequest, context: Any
     ) -> motion_pb2.CreateSessionResponse:
         """Creates a session."""
         metadata = dict(context.invocation_metadata() or ())
-        session = await self._application().create_session(request, metadata.get("x-roam-session", ""))
+        application = self._application()
+        asked = messages.session_request(request, application.skeleton)
+        session = await application.create_session(asked, metadata.get("x-roam-session", ""))
         return motion_pb2.CreateSessionResponse(session=session_message(session))
 
     async def GetSession(self, request: motion_pb2.GetSessionRequest, context: Any) -> motion_pb2.GetSessionResponse:
@@ -55,35 +61,50 @@ class MotionServicer(motion_pb2_grpc.MotionServiceServicer):
 
     async def Control(self, request: motion_pb2.ControlRequest, context: Any) -> motion_pb2.ControlResponse:
         """Applies one control."""
-        effective = await self._application().control(request.session, request.control)
+        application = self._application()
+        control = messages.control_request(request.control, application.skeleton)
+        effective = await application.control(request.session, control)
         return motion_pb2.ControlResponse(effective_sequence=effective)
 
     async def Acknowledge(self, request: motion_pb2.AcknowledgeRequest, context: Any) -> motion_pb2.AcknowledgeResponse:
         """Acknowledges frames of WatchFrames."""
-        self._application().acknowledge(request.session, request.stream, request.ack)
+        self._application().acknowledge(request.session, request.stream, request.ack.sequence, request.ack.credit)
         return motion_pb2.AcknowledgeResponse()
 
     async def WatchFrames(
         self, request: motion_pb2.WatchFramesRequest, context: Any
     ) -> AsyncIterator[motion_pb2.WatchFramesResponse]:
         """Frames only."""
-        application = self._application()
-        async with application.stream(request.open) as stream:
+        async with opened(self._application(), request.open, self._skeleton) as (stream, respond):
             async for item in stream:
-                yield motion_pb2.WatchFramesResponse(message=application.response(stream, item))
+                yield motion_pb2.WatchFramesResponse(message=respond(item))
 
     async def Animate(
         self, requests: AsyncIterator[motion_pb2.AnimateRequest], context: Any
     ) -> AsyncIterator[motion_pb2.AnimateResponse]:
         """Controls up, frames down."""
         application = self._application()
-        first = await anext(aiter(requests), None)
+        opening = opening_of(await anext(aiter(requests), None))
         async with (
-            application.stream(opening_of(first)) as stream,
-            aclosing(Duplex(application, stream).responses(requests)) as responses,
+            opened(application, opening, self._skeleton) as (stream, respond),
+            aclosing(Duplex(application, stream, respond).responses(requests)) as responses,
         ):
             async for response in responses:
                 yield response
+
+
+Respond = Callable[[Item], motion_pb2.AnimateResponse]
+
+
+@asynccontextmanager
+async def opened(
+    application: MotionApplication, opening: motion_pb2.Open, skeleton: skeleton_pb2.Skeleton
+) -> AsyncIterator[tuple[FrameStream, Respond]]:
+    """A stream for the time of the `async with` block, and what makes its items messages."""
+    told = messages.known_skeleton(skeleton, opening.known_skeleton_id)
+    frames = messages.frame_format(opening)
+    async with application.stream(opening.session, messages.stream_options(opening)) as stream:
+        yield stream, lambda item: messages.response(stream, item, frames, told)
 
 
 def opening_of(first: motion_pb2.AnimateRequest | None) -> motion_pb2.Open:
@@ -96,9 +117,8 @@ def opening_of(first: motion_pb2.AnimateRequest | None) -> motion_pb2.Open:
 class Duplex:
     """One bidirectional stream: reads requests in a task beside the frames that are sent."""
 
-    def __init__(self, application: MotionApplication, stream: FrameStream) -> None:
-        self._application = application
-        self._stream = stream
+    def __init__(self, application: MotionApplication, stream: FrameStream, respond: Respond) -> None:
+        self._application, self._stream, self._respond = application, stream, respond
         self._client_time: Timestamp | None = None
         self._failure: Exception | None = None
 
@@ -109,7 +129,7 @@ class Duplex:
         reading = asyncio.create_task(self._read(requests))
         try:
             async for item in self._stream:
-                yield self._echoing(self._application.response(self._stream, item))
+                yield self._echoing(self._respond(item))
             if self._failure is not None:
                 raise self._failure
         finally:
@@ -121,7 +141,8 @@ class Duplex:
             self._client_time = request.client_time
         kind = request.WhichOneof("message")
         if kind == "control":
-            await self._application.control(self._stream.session.name, request.control)
+            control = messages.control_request(request.control, self._application.skeleton)
+            await self._application.control(self._stream.session.name, control)
         elif kind == "ack":
             self._stream.acknowledge(request.ack.sequence, request.ack.credit)
         elif kind == "open":
@@ -148,7 +169,9 @@ class Duplex:
 SERVICE_NAME = motion_pb2.DESCRIPTOR.services_by_name["MotionService"].full_name
 
 
-def add_to(server: grpc.aio.Server, application: Callable[[], MotionApplication]) -> tuple[str, ...]:
+def add_to(
+    server: grpc.aio.Server, application: Callable[[], MotionApplication], skeleton: skeleton_pb2.Skeleton
+) -> tuple[str, ...]:
     """Adds the service to a server; returns its full name."""
-    motion_pb2_grpc.add_MotionServiceServicer_to_server(MotionServicer(application), server)
+    motion_pb2_grpc.add_MotionServiceServicer_to_server(MotionServicer(application, skeleton), server)
     return (SERVICE_NAME,)

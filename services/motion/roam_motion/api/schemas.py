@@ -1,15 +1,21 @@
 """JSON of the motion service: what HTTP takes and gives. Arrays are nested lists; metres, radians, xyzw."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
-from roam.v1 import motion_pb2, skeleton_pb2
-from roam_character.wire import pack_float32
+from roam_character.pose import Pose
+from roam_character.skeleton import Skeleton
+from roam_character.volume import Volume
+from roam_serving.errors import INVALID_ARGUMENT, ServiceError
 
+from roam_motion.actions import ACTIONS, SIT
 from roam_motion.animation.state import FRAME_RATE
-from roam_motion.api.messages import ACTIONS
-from roam_motion.session.session import Event, FrameRecord, Session
+from roam_motion.api import validation
+from roam_motion.control.actions import GOAL_ACTIONS
+from roam_motion.control.intent import Goal, Idle, Steer
+from roam_motion.session.records import ControlChange, ControlRequest, Event, SessionRequest
+from roam_motion.session.session import FrameRecord, Session
 from roam_motion.session.stream import Item, StreamStart
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]  # nothing sensible is larger, float32 holds it
@@ -28,13 +34,10 @@ class PoseJson(_Strict):
     root_position: Vector = Field(description="world position of the root joint [m]")
     rotations: list[Quaternion] = Field(description="local rotations xyzw, one per joint")
 
-    def message(self) -> skeleton_pb2.Pose:
-        """As the protocol tells it."""
-        return skeleton_pb2.Pose(
-            skeleton_id=self.skeleton_id,
-            root_position=pack_float32(np.array(self.root_position)),
-            rotations=pack_float32(np.array(self.rotations)),
-        )
+    def pose(self, skeleton: Skeleton, *, field: str) -> Pose:
+        """As the service's own type; GOAL_INVALID or SKELETON_NOT_FOUND when it does not fit `skeleton`."""
+        position, rotations = np.array(self.root_position, np.float32), np.array(self.rotations, np.float32)
+        return validation.pose(skeleton, self.skeleton_id, position, rotations.reshape(-1, 4), field=field)
 
 
 class PlacementJson(_Strict):
@@ -55,18 +58,21 @@ class CreateSessionJson(_Strict):
     floor_height: Number = Field(0.0, description="height of the floor [m]")
     skeleton_id: str = ""
 
-    def message(self) -> motion_pb2.CreateSessionRequest:
-        """As the protocol tells it."""
-        request = motion_pb2.CreateSessionRequest(
+    def request(self) -> SessionRequest:
+        """As the service's own type; INVALID_ARGUMENT names what is too far away."""
+        x, z, yaw = (
+            validation.finite(float(np.float32(getattr(self.start, name))), f"start_placement.{name}")
+            for name in ("x", "z", "yaw")
+        )
+        return SessionRequest(
             request_id=self.request_id,
-            start_placement=motion_pb2.Placement(**self.start.model_dump()),
-            seed=self.seed,
-            floor_height=self.floor_height,
+            position=(x, z),
+            yaw=yaw,
+            seed=self.seed or 0,
+            idle_timeout=self.idle_timeout,
+            floor_height=validation.finite(float(np.float32(self.floor_height)), "floor_height"),
             skeleton_id=self.skeleton_id,
         )
-        if self.idle_timeout is not None:
-            request.idle_timeout.FromMilliseconds(round(self.idle_timeout * 1000))
-        return request
 
 
 class SteerJson(_Strict):
@@ -74,6 +80,12 @@ class SteerJson(_Strict):
 
     velocity: Annotated[list[Number], Field(min_length=2, max_length=2)] = Field(description="world x, z [m/s]")
     facing: Number | None = Field(None, description="heading [rad]; absent: face where it walks")
+    look_at: Vector | None = Field(None, description="a place to look at, world x y z [m]")
+
+    def intent(self) -> Steer | Idle:
+        """As the service's own type."""
+        x, z = self.velocity
+        return validation.steer((x, z), self.facing, _point(self.look_at, "control.steer.look_at"))
 
 
 class VolumeJson(_Strict):
@@ -85,25 +97,45 @@ class VolumeJson(_Strict):
     size: Annotated[list[Annotated[int, Field(ge=2, le=100_000)]], Field(min_length=3, max_length=3)]
     values: Base64Bytes = Field(description="int8 [x, y, z]: signed distance in steps of 2.5 mm, negative inside")
 
-    def message(self) -> skeleton_pb2.Volume:
-        """As the protocol tells it."""
-        return skeleton_pb2.Volume(
-            origin=self.origin, pitch=self.pitch, yaw=self.yaw, size=self.size, values=self.values
-        )
+    def volume(self) -> Volume:
+        """As the service's own type; GOAL_INVALID when sizes and values do not fit."""
+        return validation.volume(self.origin, self.pitch, self.yaw, self.size, self.values)
+
+
+def _known_actions(schema: dict[str, Any]) -> None:
+    """Tells the actions that there are when the description is asked for."""
+    schema["enum"] = list(GOAL_ACTIONS)
 
 
 class GoalJson(_Strict):
     """Head for a goal pose."""
 
     pose: PoseJson
-    action: Literal["sit", "lie"] = "sit"
-    goal_pose: str = Field("", description="its name, repeated in events")
+    action: str = Field(SIT.name, description="what to do there", json_schema_extra=_known_actions)
+    goal_pose: str = Field("", max_length=256, description="its name, repeated in events")
     approach: Number | None = Field(None, description="lying: heading from the hips to the open side [rad]")
     obstacles: list[list[tuple[Number, Number]]] = Field(
         [],
         description="what to walk round, the goal's furniture included: corners x, z [m] of outlines",
     )
     volume: VolumeJson | None = Field(None, description="the furniture itself, which arms and legs keep out of")
+    look_at: Vector | None = Field(None, description="a place to look at, world x y z [m]")
+
+    def intent(self, skeleton: Skeleton) -> Goal:
+        """As the service's own type; GOAL_INVALID names the field that is wrong."""
+        approach = None if self.approach is None else validation.direction(self.approach, "control.goal.approach")
+        return Goal(
+            action=validation.goal_action(ACTIONS.get(self.action)).name,
+            pose=self.pose.pose(skeleton, field="control.goal.pose"),
+            approach=approach,
+            obstacles=validation.obstacles([sum(corners, ()) for corners in self.obstacles]),
+            volume=None if self.volume is None else self.volume.volume(),
+            look_at=_point(self.look_at, "control.goal.look_at"),
+        )
+
+
+def _point(place: list[float] | None, field: str) -> np.ndarray | None:
+    return None if place is None else validation.point(place, field)
 
 
 class PlaybackJson(_Strict):
@@ -115,31 +147,23 @@ class PlaybackJson(_Strict):
 class ControlJson(_Strict):
     """Body of POST /v1/sessions/{id}/control: one of steer, goal and playback."""
 
-    control_id: int = Field(0, ge=0, lt=1 << 64, description="client-chosen 1, 2, 3, …; 0 takes the next free one")
+    control_id: int = Field(0, ge=0, lt=1 << 63, description="client-chosen 1, 2, 3, …; 0 takes the next free one")
     steer: SteerJson | None = None
     goal: GoalJson | None = None
     playback: PlaybackJson | None = None
 
-    def message(self) -> motion_pb2.ControlInput:
-        """As the protocol tells it; the last intent given wins, as in a protobuf oneof."""
-        control = motion_pb2.ControlInput(control_id=self.control_id)
-        if self.steer is not None:
-            x, z = self.steer.velocity
-            control.steer.CopyFrom(motion_pb2.Steer(velocity_x=x, velocity_z=z, facing=self.steer.facing))
-        if self.goal is not None:
-            action = ACTIONS.index(self.goal.action) + 1
-            goal = motion_pb2.Goal(
-                goal_pose=self.goal.goal_pose,
-                pose=self.goal.pose.message(),
-                approach=self.goal.approach,
-                obstacles=[skeleton_pb2.Outline(corners=sum(corners, ())) for corners in self.goal.obstacles],
-                volume=self.goal.volume.message() if self.goal.volume is not None else None,
-            )
-            goal.action = action  # type: ignore[assignment]  # an enum's number
-            control.goal.CopyFrom(goal)
+    def request(self, skeleton: Skeleton) -> ControlRequest:
+        """As the service's own type; the last one given wins, as in a protobuf oneof."""
         if self.playback is not None:
-            control.playback.CopyFrom(motion_pb2.Playback(paused=self.playback.paused))
-        return control
+            change = ControlChange(paused=self.playback.paused)
+        elif self.goal is not None:
+            change = ControlChange(self.goal.intent(skeleton), self.goal.goal_pose)
+        elif self.steer is not None:
+            change = ControlChange(self.steer.intent())
+        else:
+            detail = "a control needs one of steer, goal or playback"
+            raise ServiceError(INVALID_ARGUMENT, detail, field="control.input")
+        return ControlRequest(self.control_id, change)
 
 
 class SessionJson(BaseModel):
@@ -220,9 +244,13 @@ def _frame_json(record: FrameRecord, session: Session, positions: bool) -> dict[
 
 
 def _event_json(event: Event) -> dict[str, Any]:
-    kind = motion_pb2.EventType.Name(event.type).removeprefix("EVENT_TYPE_").lower()
-    body: dict[str, Any] = {"type": "event", "event": kind, "sequence": event.sequence, "message": event.message}
-    for field in ("control_id", "goal_pose", "skipped_count"):
+    body: dict[str, Any] = {
+        "type": "event",
+        "event": event.kind.value,
+        "sequence": event.sequence,
+        "message": event.message,
+    }
+    for field in ("reason", "control_id", "goal_pose", "skipped_count"):
         if value := getattr(event, field):
             body[field] = value
     return body

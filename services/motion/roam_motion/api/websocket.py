@@ -9,12 +9,12 @@ from contextlib import aclosing
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from google.protobuf.message import DecodeError
-from roam.v1 import motion_pb2
+from roam.v1 import motion_pb2, skeleton_pb2
 from roam_serving.closings import closing
 from roam_serving.errors import INTERNAL, ServiceError
 from roam_serving.logs import get_log
 
-from roam_motion.api.rpc import Duplex, opening_of
+from roam_motion.api.rpc import Duplex, opened, opening_of
 from roam_motion.errors import MESSAGE_MALFORMED
 from roam_motion.session.application import MotionApplication
 
@@ -23,15 +23,15 @@ log = get_log("roam_motion.api.websocket")
 _DONE = 1000
 
 
-def websocket_router(application: Callable[[], MotionApplication]) -> APIRouter:
-    """GET /v1/sessions/{id}/stream, upgraded."""
+def websocket_router(application: Callable[[], MotionApplication], skeleton: skeleton_pb2.Skeleton) -> APIRouter:
+    """GET /v1/sessions/{id}/stream, upgraded; `skeleton` as stream headers tell it."""
     router = APIRouter()
 
     @router.websocket("/v1/sessions/{session}/stream")
     async def stream(socket: WebSocket, session: str) -> None:
         await socket.accept()
         try:
-            await _animate(socket, application(), f"sessions/{session}")
+            await _animate(socket, application(), f"sessions/{session}", skeleton)
             await socket.close(_DONE)
         except WebSocketDisconnect:
             pass
@@ -48,13 +48,15 @@ async def _refuse(socket: WebSocket, error: ServiceError) -> None:
     await socket.close(*closing(error))
 
 
-async def _animate(socket: WebSocket, application: MotionApplication, session: str) -> None:
+async def _animate(
+    socket: WebSocket, application: MotionApplication, session: str, skeleton: skeleton_pb2.Skeleton
+) -> None:
     requests = _requests(socket)
     opening = opening_of(await anext(requests))
     opening.session = opening.session or session
     async with (
-        application.stream(opening) as stream,
-        aclosing(Duplex(application, stream).responses(requests)) as responses,
+        opened(application, opening, skeleton) as (stream, respond),
+        aclosing(Duplex(application, stream, respond).responses(requests)) as responses,
     ):
         async for response in responses:
             await socket.send_bytes(response.SerializeToString())

@@ -1,8 +1,12 @@
-"""From intents to the network's goals: walk up, turn, sit or lie, hold, stand up, go on.
+"""From intents to the motion model's goals: walk up, turn, take a goal pose, hold it, stand up, go on.
 
-Three modes. FREE follows a planned path. INTERACT gives the goal pose to the network and lets bidirectional blending
-bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. Between the edge of
-the furniture and a lying pose, both ways, the goal pose moves along a planned way (see reclining.py) and alone decides.
+Three modes. FREE follows a planned path. INTERACT gives the goal pose to the model and lets bidirectional blending
+bring the body to it. RISE asks for a standing place in front of the seat until the figure is up. Where an action has a
+planned way (`Transition`), the goal pose moves along it from the entry pose, both ways, and alone decides. What differs
+between actions is in actions/.
+
+Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
+`roam evaluate motion` are measured with them.
 """
 
 import math
@@ -11,19 +15,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from roam_motion.actions import ACTIONS, IDLE, STYLES, WALK
 from roam_motion.animation.collision import near
-from roam_motion.animation.features import goal_shapes
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import NAMES
+from roam_motion.animation.prediction import goal_shapes
+from roam_motion.animation.proportions import size
 from roam_motion.animation.rows import row_width, split_array
-from roam_motion.animation.state import ACTIONS, FRAME_RATE, KEYS
+from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animation.stepping import BEHIND
+from roam_motion.control.actions import footing, outlines_of, seat_of, transition
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.pace import followed
 from roam_motion.control.paths import way
 from roam_motion.control.planner import SPEED, Aim, Plan, Steering, Target, follow, plan_keys, wrap
-from roam_motion.control.reclining import Reclining, reclining_of
-from roam_motion.control.seat import Seat, footing, outlines_of, seat_of
+from roam_motion.control.seat import Seat, Transition
 
 FREE, INTERACT, RISE = 0, 1, 2
 _ARRIVED = 0.14, math.radians(28)  # distance and heading from which the interaction may begin
@@ -35,11 +41,10 @@ _BALANCED = 0.13  # [m] between hips and where they are when one stands well, se
 _UPRIGHT = 0.86  # [m] hips higher than this: standing
 _LATE = 75  # frames after which sitting down should be over; then the goal pose draws ever more
 _URGENT = 60  # frames until it alone decides
-_SAT = 0.05, 15  # [m] from the hips on the edge, and frames after which one goes on to lie down
-_HANDOVER = 15, 30  # frames until the planned way alone decides, and until it lets go of the lying body
-_REVERSAL = 0.1  # change of pace per frame when someone who is lying down shall get up, or the other way round
-_LIES = 0.4  # share of the planned way from which one lies
-_PAUSE = 6  # frames on the edge before getting up from it
+_ENTERED = 0.05, 15  # [m] from the entry pose's hips, and frames, after which one goes on along the planned way
+_HANDOVER = 15, 30  # frames until the planned way alone decides, and until it lets go of the body at its end
+_REVERSAL = 0.1  # change of pace per frame when someone on the planned way shall turn round
+_PAUSE = 6  # frames in the entry pose before getting up from it
 _RISE_LIMIT = 12 * FRAME_RATE  # frames after which rising is given up for standing
 
 
@@ -52,7 +57,7 @@ class Control(NamedTuple):
     since: int = 0  # frames in this mode
     waiting: int = 0  # frames close to the standing place without arriving
     clock: float = 0.0  # [s] of the living idle; starts where the seed says
-    along: float = 0.0  # frames of the way from the edge to the lying pose, 0 on the edge
+    along: float = 0.0  # frames of the planned way behind it, 0 in the entry pose
     pace: float = 0.0  # frames of that way per frame, negative when getting up
 
 
@@ -71,33 +76,49 @@ class Body(NamedTuple):
         return self.manner[NAMES.index(name)]
 
 
-class Command(NamedTuple):
-    """Network goals of one character for one frame."""
+class GoalRows:
+    """The motion model's goals of B characters, a row of `Goals` for each; written in place, one by one."""
 
-    places: np.ndarray  # [13, 2]
-    directions: np.ndarray  # [13, 2]
-    action: int
-    active: bool
-    seat: Seat | None = None
-    urgency: float = 0.0
-    feet: np.ndarray | None = None  # [2, 4] where feet belong (see `Goals`)
+    def __init__(self, figure: Figure, count: int) -> None:
+        shapes = goal_shapes(figure.joint_count)
+        self.rows = np.zeros((count, row_width(shapes)), np.float32)  # [B, G]
+        self.fields = split_array(self.rows, shapes)
+        self.fields["pose_orientations"][:] = np.eye(3)
+
+    def go(self, row: int, places: np.ndarray, directions: np.ndarray, style: str, feet: np.ndarray | None) -> None:
+        """Along `places` and `directions` [13, 2], or [2] to stay."""
+        fields = self.fields
+        fields["positions"][row], fields["directions"][row] = places, directions
+        fields["action"][row, STYLES.index(style)] = 1
+        if feet is not None:
+            fields["feet"][row] = feet
+
+    def take(self, row: int, seat: Seat, style: str, urgency: float, feet: np.ndarray | None) -> None:
+        """A goal pose."""
+        self.go(row, seat.root[:2], seat.root[2:], style, feet)
+        fields = self.fields
+        fields["active"][row], fields["urgency"][row] = 1, urgency
+        fields["pose_positions"][row], fields["pose_orientations"][row] = seat.positions, seat.orientations
 
 
 def control(
     figure: Figure, states: Sequence[Control], intents: Sequence[Intent], bodies: Sequence[Body]
-) -> tuple[list[Control], list[Command]]:
-    """The controller's next memory of every character, and the network's goals."""
+) -> tuple[list[Control], GoalRows]:
+    """The controller's next memory of every character, and the motion model's goals."""
     after = [_decided(figure, *character) for character in zip(states, intents, bodies, strict=True)]
-    commands = {row: _seated(figure, s, s.seat) for row, s in enumerate(after) if s.mode != FREE and s.seat is not None}
-    free = [row for row in range(len(after)) if row not in commands]
+    goals, free = GoalRows(figure, len(after)), []
+    for row, state in enumerate(after):
+        if state.mode != FREE and state.seat is not None:
+            _seated(figure, state, state.seat, goals, row)
+        else:
+            free.append(row)
     aims = [_aim(figure, after[row], intents[row], bodies[row]) for row in free]
     for row, aim in zip(free, aims, strict=True):
-        x, z = _anchor(aim, bodies[row])
+        x, z = _anchor(figure, aim, bodies[row])
         plan = follow(after[row].plan, aim, x, z, bodies[row].yaw, 1 / FRAME_RATE)
         after[row] = after[row]._replace(plan=plan)
-    walks = _walks(figure, [after[row] for row in free], aims, [bodies[row] for row in free])
-    commands.update(zip(free, walks, strict=True))
-    return after, [commands[row] for row in range(len(after))]
+    _walk(figure, [(row, after[row], bodies[row]) for row in free], aims, goals)
+    return after, goals
 
 
 def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
@@ -105,57 +126,57 @@ def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Cont
     state = state._replace(since=state.since + 1, clock=state.clock + 1 / FRAME_RATE)
     if state.mode == INTERACT and _leaves(figure, state, intent, body):
         state = state._replace(mode=RISE, since=0)
-    if state.mode != FREE and state.seat is not None and state.seat.lying:
-        state = _reclined(reclining_of(figure, state.seat), state, body)
-    if state.mode == RISE and state.along == 0 and (_stands(state, body) or state.since > _RISE_LIMIT):
+    if state.mode != FREE and state.seat is not None and (planned := transition(figure, state.seat)):
+        state = _moved_along(planned, state, body)
+    if state.mode == RISE and state.along == 0 and (_stands(figure, state, body) or state.since > _RISE_LIMIT):
         state = Control(Plan(body.x, body.z, yaw=body.yaw), seat=state.seat, clock=state.clock)
     return _approach(figure, state, intent, body) if state.mode == FREE else state
 
 
-def _walks(figure: Figure, states: Sequence[Control], aims: Sequence[Aim], bodies: Sequence[Body]) -> list[Command]:
-    """What is asked of those who walk or stand: to go where their plans do."""
-    places, directions = plan_keys([state.plan for state in states], aims)
+def _walk(
+    figure: Figure, characters: Sequence[tuple[int, Control, Body]], aims: Sequence[Aim], goals: GoalRows
+) -> None:
+    """Asks those who walk or stand to go where their plans do; `characters` with their rows."""
+    places, directions = plan_keys([state.plan for _, state, _ in characters], aims)
     gone = np.hypot(*(places[:, 4] - places[:, 0]).T).tolist()
     alike = (directions[:, 4] * directions[:, 0]).sum(1).tolist()
-    idle, walk = ACTIONS.index("idle"), ACTIONS.index("walk")
-    commands = []
-    for row, (state, aim, body) in enumerate(zip(states, aims, bodies, strict=True)):
+    for index, ((row, state, body), aim) in enumerate(zip(characters, aims, strict=True)):
         plan = state.plan
-        x, z = _over_feet(body)
-        still = gone[row] < 0.1 and alike[row] > 0.95
+        x, z = _over_feet(figure, body)
+        still = gone[index] < 0.1 and alike[index] > 0.95
         # Off balance, or still under way: take a step.
         still = still and math.hypot(plan.vx, plan.vz) < 0.15
         still = still and math.hypot(x - body.x, z - body.z) < _BALANCED
-        arriving = isinstance(aim, Target) and state.seat is not None and _before(state.seat, body, *_CLOSE)
-        feet = footing(figure, state.seat) if arriving else None
-        commands.append(Command(places[row], directions[row], idle if still else walk, False, feet=feet))
-    return commands
+        seat = state.seat if isinstance(aim, Target) else None
+        feet = footing(figure, seat) if seat is not None and _before(seat, body, *_CLOSE) else None
+        goals.go(row, places[index], directions[index], (IDLE if still else WALK).style, feet)
 
 
-def _seated(figure: Figure, state: Control, seat: Seat) -> Command:
-    """What is asked of someone who takes a seat, holds it or leaves it."""
-    if state.mode == RISE and state.along == 0 and not (seat.lying and state.since < _PAUSE):
-        return _hold(seat.stand, ACTIONS.index("idle"), None)
+def _seated(figure: Figure, state: Control, seat: Seat, goals: GoalRows, row: int) -> None:
+    """Asks someone who takes a goal pose, holds it or leaves it for what comes next."""
+    planned, style = transition(figure, seat), ACTIONS[seat.action].style
+    if state.mode == RISE and state.along == 0 and not (planned and state.since < _PAUSE):
+        goals.go(row, seat.stand[:2], seat.stand[2:], IDLE.style, None)
+        return
     urgency = (state.since - _LATE) / _URGENT
-    lies = False
-    if seat.lying:
-        way = reclining_of(figure, seat)
-        seat, lies = way.at(round(state.along)), state.along > _LIES * way.last
-        if state.along >= way.last:
+    if planned is not None:
+        seat = planned.at(round(state.along))
+        if state.along <= planned.changes * planned.last:
+            style = ACTIONS[planned.entry.action].style
+        if state.along >= planned.last:
             urgency = 1 - state.since / _HANDOVER[1]
         elif state.along > 0:
             urgency = max(state.along / _HANDOVER[0], urgency)
-    command = _hold(seat.root, ACTIONS.index("lie" if lies else "sit"), seat)
     feet = footing(figure, seat) if state.along == 0 else None
-    return command._replace(urgency=min(max(urgency, 0.0), 1.0), feet=feet)
+    goals.take(row, seat, style, min(max(urgency, 0.0), 1.0), feet)
 
 
-def _reclined(way: Reclining, state: Control, body: Body) -> Control:
-    """One frame on between the edge and the lying pose: down when interacting, up when rising."""
-    down, end = state.mode == INTERACT, float(way.last)
-    if state.along == 0 and not (down and _sat(way.edge, state, body)):
+def _moved_along(planned: Transition, state: Control, body: Body) -> Control:
+    """One frame on between the entry pose and the goal pose: forth when interacting, back when rising."""
+    forth, end = state.mode == INTERACT, float(planned.last)
+    if state.along == 0 and not (forth and _entered(planned.entry, state, body)):
         return state
-    target = 1.0 if down else -1.0
+    target = 1.0 if forth else -1.0
     pace = target
     if 0 < state.along < end:
         pace = min(max(target, state.pace - _REVERSAL), state.pace + _REVERSAL)
@@ -164,23 +185,24 @@ def _reclined(way: Reclining, state: Control, body: Body) -> Control:
     return state._replace(along=along, pace=pace, since=0 if arrived else state.since)
 
 
-def _sat(edge: Seat, state: Control, body: Body) -> bool:
-    """Whether someone sits on the edge well enough to go on, or should long do so."""
-    apart = math.dist((body.x, body.height, body.z), edge.positions[0].tolist())
-    return (apart < _SAT[0] and state.since > _SAT[1]) or state.since > _LATE + _URGENT
+def _entered(entry: Seat, state: Control, body: Body) -> bool:
+    """Whether someone has taken the entry pose well enough to go on, or should long have done so."""
+    apart = math.dist((body.x, body.height, body.z), entry.positions[0].tolist())
+    return (apart < _ENTERED[0] and state.since > _ENTERED[1]) or state.since > _LATE + _URGENT
 
 
-def _anchor(aim: Aim, body: Body) -> tuple[float, float]:
+def _anchor(figure: Figure, aim: Aim, body: Body) -> tuple[float, float]:
     """Where the plan belongs: at the root, but when standing still over the feet, or they lean on each other."""
     stands = isinstance(aim, Steering) and math.hypot(aim.vx, aim.vz) < 0.05
-    return _over_feet(body) if stands else (body.x, body.z)
+    return _over_feet(figure, body) if stands else (body.x, body.z)
 
 
-def _over_feet(body: Body) -> tuple[float, float]:
+def _over_feet(figure: Figure, body: Body) -> tuple[float, float]:
     """Where the root of a body is that stands well on its feet: a little before its ankles."""
     if body.feet is None:
         return body.x, body.z
-    return body.feet[0] + BEHIND * math.sin(body.yaw), body.feet[1] + BEHIND * math.cos(body.yaw)
+    behind = BEHIND * size(figure)
+    return body.feet[0] + behind * math.sin(body.yaw), body.feet[1] + behind * math.cos(body.yaw)
 
 
 def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:
@@ -189,11 +211,11 @@ def _leaves(figure: Figure, state: Control, intent: Intent, body: Body) -> bool:
     return not seat_of(figure, intent, (body.x, body.z)).same_as(state.seat)
 
 
-def _stands(state: Control, body: Body) -> bool:
+def _stands(figure: Figure, state: Control, body: Body) -> bool:
     if state.seat is None:
         return True
     apart = math.hypot(body.x - state.seat.stand[0], body.z - state.seat.stand[1])
-    return body.height > _UPRIGHT and (apart < 0.2 or state.since > 2 * FRAME_RATE)
+    return body.height > _UPRIGHT * size(figure) and (apart < 0.2 or state.since > 2 * FRAME_RATE)
 
 
 def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Control:
@@ -202,7 +224,9 @@ def _approach(figure: Figure, state: Control, intent: Intent, body: Body) -> Con
     The seat that somebody has left stays in mind as long as limbs can touch it.
     """
     if not isinstance(intent, Goal):
-        touches = state.seat is not None and state.seat.volume is not None and near(state.seat.volume, body.x, body.z)
+        touches = (
+            state.seat is not None and state.seat.volume is not None and near(figure, state.seat.volume, body.x, body.z)
+        )
         return state if touches else state._replace(seat=None, waiting=0)
     seat = state.seat
     if seat is None or state.since % FRAME_RATE == 0 or not seat_of(figure, intent, (body.x, body.z)).same_as(seat):
@@ -231,27 +255,3 @@ def _aim(figure: Figure, state: Control, intent: Intent, body: Body) -> Aim:
         return Steering(*followed(intent), turn)
     assert isinstance(intent, Idle | Goal)
     return Steering(0.0, 0.0, None)
-
-
-def _hold(root: np.ndarray, action: int, seat: Seat | None) -> Command:
-    places = np.broadcast_to(root[:2], (KEYS, 2)).astype(np.float32)
-    directions = np.broadcast_to(root[2:], (KEYS, 2)).astype(np.float32)
-    return Command(places, directions, action, seat is not None, seat)
-
-
-def goals_of(figure: Figure, commands: list[Command]) -> np.ndarray:
-    """The network's goals, a row of `Goals` for every character [B, G]."""
-    shapes = goal_shapes(figure.joint_count)
-    rows = np.zeros((len(commands), row_width(shapes)), np.float32)
-    goals = split_array(rows, shapes)
-    goals["pose_orientations"][:] = np.eye(3)
-    for i, command in enumerate(commands):
-        goals["positions"][i], goals["directions"][i] = command.places, command.directions
-        goals["action"][i, command.action] = 1
-        goals["active"][i], goals["urgency"][i] = command.active, command.urgency
-        if command.feet is not None:
-            goals["feet"][i] = command.feet
-        if command.seat is not None:
-            goals["pose_positions"][i] = command.seat.positions
-            goals["pose_orientations"][i] = command.seat.orientations
-    return rows

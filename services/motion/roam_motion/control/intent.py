@@ -1,6 +1,6 @@
 """What a character is asked to do at a frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from roam_character.pose import Pose
@@ -46,6 +46,23 @@ class Goal:
     obstacles: tuple[Outline, ...] = ()
     volume: Volume | None = None
     look_at: np.ndarray | None = None
+
+    def moved(self, offset: np.ndarray) -> "Goal":
+        """The same goal, its pose and furniture higher or lower; `offset` [3] [m] with x and z 0."""
+        volume = None if self.volume is None else self.volume.moved(offset)
+        return replace(self, pose=self.pose.moved(offset), volume=volume)
+
+
+def raised(intent: "Intent", height: float) -> "Intent":
+    """The same intent in a world whose floor is `height` [m] higher."""
+    if not height:
+        return intent
+    offset = np.array([0, height, 0], np.float32)
+    if isinstance(intent, Goal):
+        intent = intent.moved(offset)
+    if intent.look_at is None:
+        return intent
+    return replace(intent, look_at=(intent.look_at + offset).astype(np.float32))
 
 
 Intent = Idle | Steer | Goal

@@ -56,6 +56,16 @@ class Ways:
         return _nearest(self.blocked.boundary, point) if self.blocked.contains(point) else start
 
 
+def reachable(start: Place, end: Place, facing: Place, outlines: tuple[Outline, ...]) -> bool:
+    """Whether any way leads from `start` to a standing place `end`, as `way` looks for it."""
+    return any(_ways(end, facing, outlines, clearance).way_from(start) for clearance in _CLEARANCES)
+
+
+def inside(place: Place, outlines: tuple[Outline, ...]) -> bool:
+    """Whether a place is within an outline."""
+    return any(Polygon(outline).contains(Point(place)) for outline in outlines)
+
+
 def way(start: Place, end: Place, facing: Place, outlines: tuple[Outline, ...]) -> tuple[Place, ...]:
     """The shortest way from `start` to a standing place `end` in front of a seat that opens towards `facing` (unit).
 

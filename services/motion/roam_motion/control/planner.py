@@ -44,7 +44,7 @@ class Plan(NamedTuple):
 
 @dataclass(frozen=True)
 class Target:
-    """Where to stand: place, yaw; and the corners of the way there, both ends included (see ways.py)."""
+    """Where to stand: place, yaw; and the corners of the way there, both ends included (see paths.py)."""
 
     x: float
     z: float

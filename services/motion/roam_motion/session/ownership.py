@@ -11,16 +11,13 @@ from time import monotonic
 from uuid import uuid4
 from weakref import WeakValueDictionary
 
-from roam.v1 import motion_pb2
 from roam_serving.errors import ServiceError
 from roam_serving.logs import get_log
 
-from roam_motion.errors import SESSION_ELSEWHERE, SESSION_NOT_FOUND, STORE_DOWN
-from roam_motion.session.live import LiveSessions
-from roam_motion.session.session import Event, Session
+from roam_motion.errors import CONTROL_BUDGET, SESSION_ELSEWHERE, SESSION_NOT_FOUND, SESSION_QUOTA, STORE_DOWN
+from roam_motion.session.records import Claim, ControlEntry, Event, EventKind, Snapshot
+from roam_motion.session.session import Session
 from roam_motion.session.store.base import (
-    Claim,
-    ControlEntry,
     HeldElsewhereError,
     MissingError,
     SessionStore,
@@ -33,26 +30,67 @@ log = get_log("roam_motion.session.ownership")
 _RENEWALS = 3  # per lease
 _CLAIM_LEASES = 3  # so many leases long a request waits for a session that another replica holds
 _KEEP_SECONDS = 2.0  # between two notes to the store that sessions are in use
+_WAIT_FOR_ROOM = 10.0  # [s] advised while the store is nearly full
+_LARGE = 4096  # [bytes] of a control that is refused then
 _KEEP_SLACK = 10.0  # the store keeps a session so much longer than its idle timeout [s]
 
-Revive = Callable[[Claim, int], Session]
+_RECONNECT = 10  # [s] within which readers of a session that goes elsewhere come back
+
+_MOVED = Event(
+    EventKind.DRAINING, message="this server lets the session go; reconnect", reconnect_within=_RECONNECT
+)  # what readers hear of a session that goes on elsewhere
 
 
-def elsewhere_event() -> Event:
-    """What readers hear of a session that goes on elsewhere."""
-    event = Event(type=motion_pb2.EVENT_TYPE_DRAINING, message="this server lets the session go; reconnect")
-    event.reconnect_within.FromSeconds(10)
-    return event
+class LiveSessions:
+    """Sessions by name, in order of creation, at most `limit` of them."""
+
+    def __init__(self, limit: int, clock: Callable[[], float]) -> None:
+        self._limit = limit
+        self._clock = clock
+        self._sessions: dict[str, Session] = {}
+
+    def __len__(self) -> int:
+        return len(self._sessions)
+
+    def __iter__(self) -> Iterator[Session]:
+        return iter(list(self._sessions.values()))
+
+    def get(self, name: str) -> Session | None:
+        """A session that is held here."""
+        return self._sessions.get(name)
+
+    def add(self, session: Session) -> None:
+        """Takes a session in; SESSION_QUOTA when no further one fits."""
+        if len(self._sessions) >= self._limit:
+            soonest = min(session.expire_time for session in self._sessions.values())
+            wait = max(1.0, soonest - self._clock())
+            raise ServiceError(SESSION_QUOTA, f"{self._limit} sessions are alive", retry_after=round(wait, 1))
+        self._sessions[session.name] = session
+
+    def discard(self, session: Session) -> bool:
+        """Lets a session go; false when it was gone already."""
+        if self._sessions.get(session.name) is not session:
+            return False
+        del self._sessions[session.name]
+        return True
+
+    def expired(self) -> list[Session]:
+        """Sessions whose idle timeout has passed without a client."""
+        now = self._clock()
+        return [session for session in self if not session.streams and session.expire_time <= now]
 
 
 class Ownership:
-    """The link between the live sessions and the store; all methods run on the event loop."""
+    """The link between the live sessions and the store; all methods run on the event loop.
+
+    `make` gives a session in a snapshot's state. Frames are only promised to be exact where the same `build` made them.
+    """
 
     def __init__(
         self,
         store: SessionStore,
         live: LiveSessions,
-        revive: Revive,
+        make: Callable[[Claim, Snapshot], Session],
         *,
         build: str,
         lease: float,
@@ -64,7 +102,7 @@ class Ownership:
         self.replica = uuid4().hex
         self._store = store
         self._live = live
-        self._revive = revive
+        self._make = make
         self._build = build
         self._lease = lease  # [s]
         self._snapshot_frames = snapshot_frames
@@ -89,6 +127,8 @@ class Ownership:
 
     async def create(self, session: Session) -> Session:
         """Takes a new session in, or the one that the same request_id made before."""
+        if self._store.nearly_full:
+            raise ServiceError(SESSION_QUOTA, "the store of sessions is nearly full", retry_after=_WAIT_FOR_ROOM)
         self._live.add(session)
         self._tokens[session.name] = 1
         try:
@@ -101,18 +141,18 @@ class Ownership:
             session.limit = self.reach
             return session
         self._let_go(session)
-        return await self.hold(name)
+        return await self.hold(name, session.record.owner)
 
-    async def hold(self, name: str, *, after_sequence: int = 0, insist: bool = False) -> Session:
-        """A session, claimed if need be: revived so that frames after `after_sequence` can follow.
+    async def hold(self, name: str, key: str, *, after_sequence: int = 0, insist: bool = False) -> Session:
+        """A session of an API key, claimed if need be: restored so that frames after `after_sequence` can follow.
 
         Waits while another replica holds it, and with `insist` asks that one to give it up. SESSION_NOT_FOUND,
         SESSION_ELSEWHERE, STORE_DOWN, SESSION_QUOTA.
         """
         if session := self._live.get(name):
-            return session
+            return _of(session, key)
         async with self._lock(name):
-            return self._live.get(name) or await self._take(name, after_sequence, insist)
+            return _of(self._live.get(name) or await self._take(name, key, after_sequence, insist), key)
 
     async def rewind(self, session: Session, after_sequence: int) -> Session:
         """The same session from an older snapshot, for a reader who wants frames that were not computed here."""
@@ -122,26 +162,36 @@ class Ownership:
                     await self._save(session, self._tokens[session.name])
                 self._let_go(session)
                 session.ended = True
-            return self._live.get(session.name) or await self._take(session.name, after_sequence, insist=False)
+            again = session.name, session.record.owner, after_sequence
+            return self._live.get(session.name) or await self._take(*again, insist=False)
 
     def _lock(self, name: str) -> asyncio.Lock:
         return self._locks.setdefault(name, asyncio.Lock())
 
-    async def _take(self, name: str, after_sequence: int, insist: bool) -> Session:
-        claim = await self._claim(name, insist)
-        session = self._revive(claim, after_sequence)
+    async def _take(self, name: str, key: str, after_sequence: int, insist: bool) -> Session:
+        claim = await self._claim(name, key, insist)
+        session = self._restored(claim, after_sequence)
         session.limit = claim.snapshots[-1].sequence + self.reach
         self._live.add(session)
         self._tokens[name] = claim.token
         log.info("claimed", session=name, token=claim.token, sequence=session.sequence)
         return session
 
-    async def _claim(self, name: str, insist: bool) -> Claim:
+    def _restored(self, claim: Claim, after_sequence: int) -> Session:
+        """A claimed session, ready to compute what follows `after_sequence` (0: the newest that is known)."""
+        snapshot, last = claim.snapshot_before(after_sequence), claim.snapshots[-1]
+        session = self._make(claim, snapshot)
+        shown = max(last.shown, last.sequence + (0 if claim.released else self.reach))
+        session.restore(snapshot, claim, shown=shown)
+        session.exact = snapshot.build == self._build
+        return session
+
+    async def _claim(self, name: str, key: str, insist: bool) -> Claim:
         deadline = monotonic() + _CLAIM_LEASES * self._lease
         while True:
             try:
                 with _answering():
-                    claim = await self._store.claim(name, self.replica)
+                    claim = await self._store.claim(name, self.replica, key)
             except HeldElsewhereError as held:
                 if monotonic() > deadline:
                     raise ServiceError(SESSION_ELSEWHERE, str(held), retry_after=self._lease) from None
@@ -151,7 +201,7 @@ class Ownership:
                 await asyncio.sleep(self._lease / 10)
                 continue
             if claim is None:
-                raise ServiceError(SESSION_NOT_FOUND, f"no session {name!r}", field="session")
+                raise _not_found(name)
             return claim
 
     def remove(self, session: Session, message: str) -> None:
@@ -159,7 +209,7 @@ class Ownership:
         if token := self._let_go(session):
             self._removed.append((session.name, token))
             self._work.set()
-        session.end(Event(type=motion_pb2.EVENT_TYPE_SESSION_ENDED, message=message))
+        session.end(Event(EventKind.SESSION_ENDED, message=message))
 
     async def delete(self, session: Session) -> None:
         """Ends a session that its client does not want any more; the store has forgotten it when this returns."""
@@ -170,7 +220,7 @@ class Ownership:
     async def release(self, session: Session) -> None:
         """Gives a session up, as it is now, to whoever claims it next."""
         token = self._let_go(session)
-        session.end(elsewhere_event())
+        session.end(_MOVED)
         if token is None:
             return
         try:
@@ -186,7 +236,9 @@ class Ownership:
     # What happens to them
 
     async def record(self, session: Session, entry: ControlEntry) -> None:
-        """Writes a control down before it takes effect. STORE_DOWN, SESSION_ELSEWHERE."""
+        """Writes a control down before it takes effect. STORE_DOWN, SESSION_ELSEWHERE, CONTROL_BUDGET."""
+        if self._store.nearly_full and entry.change.size > _LARGE:
+            raise ServiceError(CONTROL_BUDGET, "the store of sessions is nearly full", retry_after=_WAIT_FOR_ROOM)
         token = self._tokens.get(session.name, 0)
         with _answering():
             try:
@@ -217,7 +269,7 @@ class Ownership:
     def _lose(self, session: Session) -> None:
         log.warning("session was taken over", session=session.name)
         self._let_go(session)
-        session.end(elsewhere_event())
+        session.end(_MOVED)
 
     async def close(self) -> None:
         """Lets go of the store."""
@@ -308,6 +360,17 @@ class Ownership:
             except SupersededError:
                 self._lose(session)
             self._unsaved.pop(name, None)
+
+
+def _of(session: Session, key: str) -> Session:
+    """The session, for whoever has its key; for others there is none."""
+    if session.record.owner != key:
+        raise _not_found(session.name)
+    return session
+
+
+def _not_found(name: str) -> ServiceError:
+    return ServiceError(SESSION_NOT_FOUND, f"no session {name[:100]!r}", field="session")
 
 
 @contextmanager

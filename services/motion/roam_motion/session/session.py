@@ -3,23 +3,32 @@
 import asyncio
 import sys
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
-from roam.v1 import motion_pb2
 from roam_character.skeleton import Skeleton
+from roam_serving.access import CALLER
 
 from roam_motion.animator import CharacterState, FrameData, Goal, Idle, Intent
-from roam_motion.session.arrival import GoalWatch
-from roam_motion.session.store.base import ControlEntry, SessionRecord, Snapshot
+from roam_motion.session.records import (
+    Claim,
+    ControlChange,
+    ControlEntry,
+    ControlRequest,
+    Event,
+    EventKind,
+    SessionRecord,
+    Snapshot,
+)
 
 _REMEMBERED_CONTROLS = 1024  # answers kept for controls that are sent again
+_EARLIER = 32  # ids that one stored control stands for besides its own; of more only the newest are remembered
 _STORED_ANSWERS = 64  # of them, those that a snapshot carries
-
-Event = motion_pb2.SessionEvent
+_SETTLED_FRAMES = 10  # a third of a second near the goal and still: reached
+_STILL = 0.002  # [m] change of the goal distance per frame, 6 cm/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,16 +37,35 @@ class FrameRecord:
 
     sequence: int
     data: FrameData
-    packed: dict[tuple[int, bool], motion_pb2.AnimateResponse] = field(default_factory=dict)
+    packed: dict[Hashable, Any] = field(default_factory=dict)  # by format; the transports' own
 
 
-@dataclass(frozen=True)
-class ControlChange:
-    """What a control changes: the intent, or whether time runs."""
+@dataclass
+class ArrivalDetector:
+    """Says once per goal that the character has arrived and settled."""
 
-    intent: Intent | None = None
-    goal_name: str = ""
-    paused: bool | None = None
+    tolerance: float  # [m]
+    near: int = 0
+    last: float | None = None  # distance at the frame before [m]
+    told: bool = False
+
+    @property
+    def state(self) -> tuple[int, float | None, bool]:
+        """All that it remembers."""
+        return self.near, self.last, self.told
+
+    def restart(self, near: int = 0, last: float | None = None, told: bool = False) -> None:
+        """A new goal was given; or an earlier `state` comes back."""
+        self.near, self.last, self.told = near, last, told
+
+    def reached(self, distance: float | None) -> bool:
+        """True on the frame at which the goal counts as reached; `distance` to the goal pose [m]."""
+        if distance is None or self.told:
+            return False
+        steady = self.last is not None and abs(distance - self.last) < _STILL
+        self.near, self.last = (self.near + 1 if steady and distance < self.tolerance else 0), distance
+        self.told = self.near >= _SETTLED_FRAMES
+        return self.told
 
 
 class Reader(Protocol):
@@ -83,9 +111,9 @@ class Session:
         self.record = record
         self.skeleton = skeleton
         self.state = state
-        self.intent: Intent = Idle()
         self.sequence = 0
         self.touched = clock()
+        self.caller = CALLER.get()  # whose budget it counts against: who made it, or brought it here
         self.one_control = asyncio.Lock()  # controls are taken one after the other
         self.paused = False
         self.under_way = 0  # frames that a step is computing right now
@@ -99,12 +127,13 @@ class Session:
         self.reached: Event | None = None  # the last GOAL_REACHED
         self.limit = sys.maxsize  # no frame after this one is computed before a newer snapshot is safe
         self._seen_elsewhere = 0  # a replica before this one may have shown frames up to here
-        self._intent_control = b""
-        self._goal_name = ""
+        self._change = ControlChange()  # the one whose intent is in force
         self._owed = False  # a tick came while the session was held
         self._answers: OrderedDict[int, int] = OrderedDict()
-        self._schedule: deque[tuple[int, bytes, ControlChange]] = deque()
-        self._watch = GoalWatch(goal_tolerance)
+        self._schedule: deque[ControlEntry] = deque()
+        self._last: ControlEntry | None = None  # the newest control taken
+        self._kept: deque[tuple[int, int]] = deque()  # effective sequences and sizes of controls that the store keeps
+        self._arrival = ArrivalDetector(goal_tolerance)
         self._clock = clock
 
     @property
@@ -113,9 +142,19 @@ class Session:
         return self.record.name
 
     @property
+    def intent(self) -> Intent:
+        """What the next frame is asked for unless a control says otherwise."""
+        return self._change.intent or Idle()
+
+    @property
     def floor_height(self) -> float:
         """Height of the floor [m]; the animator walks at 0."""
         return self.record.floor_height
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the character is on the floor: x, z [m]."""
+        return self.state.place
 
     @property
     def expire_time(self) -> float:
@@ -155,32 +194,55 @@ class Session:
         finally:
             self.held = False
 
-    def entry(self, control: motion_pb2.ControlInput) -> ControlEntry:
-        """Names the first frame that a new control can affect. 0 as control_id takes the next free one."""
+    def entry(self, control: ControlRequest) -> ControlEntry:
+        """Names the first frame that a control (above the animator's floor) can affect; its id 0 takes the next one."""
         # a step that runs right now was given the old intent
         effective = max(self.sequence + self.under_way, self._seen_elsewhere) + 1
         control_id = control.control_id or self.last_control_id + 1
-        return ControlEntry(control_id, effective, control.SerializeToString())
+        change, last = control.change, self._last
+        if last is None or last.effective != effective:
+            return ControlEntry(control_id, effective, change)
+        earlier = (*last.earlier, last.control_id)[-_EARLIER:]
+        return ControlEntry(control_id, effective, last.change.followed_by(change), earlier)
 
-    def accept(self, entry: ControlEntry, change: ControlChange) -> None:
+    def kept_bytes(self, history: int) -> int:
+        """About how much of its controls the store keeps, which is those of the last `history` frames [bytes]."""
+        while self._kept and self._kept[0][0] <= self.sequence - history:
+            self._kept.popleft()
+        return sum(size for _, size in self._kept)
+
+    def accept(self, entry: ControlEntry) -> None:
         """Puts a control in force from its frame on and tells the streams."""
-        if change.paused is not None:
-            self.paused = change.paused
-        if change.intent is not None:
-            self._schedule.append((entry.effective, entry.control, change))
+        if entry.change.paused is not None:
+            self.paused = entry.change.paused
+        if self._last is not None and self._last.effective == entry.effective:  # it stands for that one too
+            self._kept.pop()
+            if self._schedule and self._schedule[-1].effective == entry.effective:
+                self._schedule.pop()
+        self._last = entry
+        self._kept.append((entry.effective, entry.change.size))
+        if entry.change.intent is not None:
+            self._schedule.append(entry)
         self.last_control_id = entry.control_id
-        self._answers[entry.control_id] = entry.effective
-        if len(self._answers) > _REMEMBERED_CONTROLS:
+        for control_id in (*entry.earlier, entry.control_id):
+            self._answers[control_id] = entry.effective
+        while len(self._answers) > _REMEMBERED_CONTROLS:
             self._answers.popitem(last=False)
-        kind = motion_pb2.EVENT_TYPE_CONTROL_APPLIED
-        self.announce(Event(type=kind, sequence=entry.effective, control_id=entry.control_id), after=0)
+        self.announce(self._applied(entry.control_id, entry.effective), after=0)
+
+    def applied_after(self, sequence: int) -> list[Event]:
+        """What readers were told, or should have been, of controls that take effect after a frame."""
+        return [self._applied(*answer) for answer in self._answers.items() if answer[1] > sequence]
+
+    def _applied(self, control_id: int, effective: int) -> Event:
+        return Event(EventKind.CONTROL_APPLIED, effective, control_id=control_id)
 
     def intents(self, count: int) -> list[Intent]:
         """The intents of the next `count` frames."""
         intents, intent, waiting = [], self.intent, deque(self._schedule)
         for sequence in range(self.sequence + 1, self.sequence + count + 1):
-            while waiting and waiting[0][0] <= sequence:
-                intent = waiting.popleft()[2].intent or intent
+            while waiting and waiting[0].effective <= sequence:
+                intent = waiting.popleft().change.intent or intent
             intents.append(intent)
         return intents
 
@@ -189,45 +251,39 @@ class Session:
     def snapshot(self, build: str) -> Snapshot:
         """All that another replica needs to go on from here; `build` names what computes the frames."""
         answers = list(self._answers.items())[-_STORED_ANSWERS:]
-        watch = self._watch
+        state, volume = self.state.split()
         return Snapshot(
             sequence=self.sequence,
-            state=self.state.to_bytes(),
-            control=self._intent_control,
+            state=state,
+            volume=volume,
+            change=self._change,
             paused=self.paused,
             last_control_id=self.last_control_id,
             answers=tuple(answers),
-            watch=(watch.near, watch.last, watch.told),
-            reached=self.reached.SerializeToString() if self.reached else b"",
+            arrival=self._arrival.state,
+            reached=self.reached,
             build=build if self.exact else "",
             shown=self._seen_elsewhere,
         )
 
-    def restore(
-        self,
-        snapshot: Snapshot,
-        current: ControlChange,
-        later: Sequence[tuple[ControlEntry, ControlChange]],
-        *,
-        newest: int,
-        shown: int,
-    ) -> None:
+    def restore(self, snapshot: Snapshot, claim: Claim, *, shown: int) -> None:
         """Goes back to a snapshot, whose `state` this session was made with, and to the controls taken after it.
 
-        `current` is the change behind `snapshot.control`. Frames up to the `newest` snapshot and the newest control are
-        computed again at once. Replicas before may have shown frames up to `shown`: new controls come after those.
+        Frames up to the newest snapshot and the newest control of the `claim` are computed again at once. Replicas
+        before may have shown frames up to `shown`: new controls come after those.
         """
         self.sequence = snapshot.sequence
         self.paused = snapshot.paused
         self.last_control_id = snapshot.last_control_id
         self._answers = OrderedDict(snapshot.answers)
-        self.reached = Event.FromString(snapshot.reached) if snapshot.reached else None
-        self._enter(snapshot.control, current)
-        self._watch.near, self._watch.last, self._watch.told = snapshot.watch
-        for entry, change in later:
+        self.reached = snapshot.reached
+        self._change = snapshot.change
+        self._arrival.restart(*snapshot.arrival)
+        for entry in claim.controls:
             if entry.effective > snapshot.sequence:
-                self.accept(entry, change)
-        self.replay_until = max([newest, *(entry.effective - 1 for entry, _ in later)])
+                self.accept(entry)
+        newest = claim.snapshots[-1].sequence
+        self.replay_until = max([newest, *(entry.effective - 1 for entry in claim.controls)])
         self._seen_elsewhere = max(shown, self.replay_until)
 
     def lacks(self, after_sequence: int) -> bool:
@@ -271,25 +327,25 @@ class Session:
             raise FloatingPointError(f"frame {self.sequence + 1} of {self.name} is not finite")
         self.state = state
         self.sequence += 1
-        while self._schedule and self._schedule[0][0] <= self.sequence:
-            self._enter(*self._schedule.popleft()[1:])
+        while self._schedule and self._schedule[0].effective <= self.sequence:
+            self._enter(self._schedule.popleft().change)
         self.ring.append(FrameRecord(self.sequence, data))
-        if isinstance(self.intent, Goal) and self._watch.reached(data.goal_distance):
+        if isinstance(self.intent, Goal) and self._arrival.reached(data.goal_distance):
             self._tell_reached(data.goal_distance)
         for stream in self.streams:
             stream.wake()
 
-    def _enter(self, control: bytes, change: ControlChange) -> None:
+    def _enter(self, change: ControlChange) -> None:
         """A control's frame has come."""
         if change.intent is not None:
-            self.intent, self._goal_name, self._intent_control = change.intent, change.goal_name, control
-            self._watch.restart()
+            self._change = change
+            self._arrival.restart()
 
     def _tell_reached(self, distance: float | None) -> None:
         self.reached = Event(
-            type=motion_pb2.EVENT_TYPE_GOAL_REACHED,
-            sequence=self.sequence,
-            goal_pose=self._goal_name,
+            EventKind.GOAL_REACHED,
+            self.sequence,
+            goal_pose=self._change.goal_name,
             message=f"{distance:.3f} m from the goal pose and still",
         )
         self.announce(self.reached, after=self.sequence)
@@ -302,8 +358,7 @@ class Session:
     def end(self, event: Event) -> None:
         """Ends all streams with an event; the session is not stepped here any more."""
         self.ended = True
-        event.sequence = self.sequence
-        self.announce(event, after=0)
+        self.announce(replace(event, sequence=self.sequence), after=0)
         for stream in self.streams:
             stream.finish()
 

@@ -1,4 +1,4 @@
-"""What one connected reader gets, and when: pacing, credit, skipping, events, the end.
+"""What one connected reader gets, and when: pacing, credit, skipping, events, the end; and what is counted of it.
 
 A stream keeps no frames of its own, only a cursor into the session's ring: a reader that stalls costs nothing.
 """
@@ -7,28 +7,39 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
+from time import monotonic
 from uuid import uuid4
 
-from roam.v1 import motion_pb2
+from prometheus_client import CollectorRegistry, Counter, Histogram
 from roam_serving.errors import INVALID_ARGUMENT, ServiceError
 
 from roam_motion.errors import SEQUENCE_AHEAD
-from roam_motion.session.session import Event, FrameRecord, Session
+from roam_motion.session.records import Event, EventKind
+from roam_motion.session.session import FrameRecord, Session
+
+_FIRST = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
+_INTERVALS = (0.01, 0.02, 0.03, 0.0325, 0.034, 0.036, 0.04, 0.05, 0.07, 0.1, 0.2, 0.5, 1)  # fine around 1/30 s
+
+
+class Pacing(Enum):
+    """Who sets the pace; the value is its name in JSON."""
+
+    REALTIME = "realtime"  # the clock: the newest frame, thirty times a second
+    CREDIT = "credit"  # the reader: as many frames as it has asked for
+    BURST = "burst"  # the server: every frame, as fast as they can be computed
 
 
 @dataclass(frozen=True)
 class StreamOptions:
-    """How a reader wants its stream; see `Open` in motion.proto."""
+    """What a reader asks of a stream, and what the server allows it."""
 
-    pacing: int = motion_pb2.PACING_REALTIME
-    after_sequence: int = 0
-    resume_token: str = ""
-    encoding: int = motion_pb2.ROTATION_ENCODING_FLOAT32
-    known_skeleton_id: str = ""
-    credit: int = 0
-    joint_positions: bool = False
-    burst_frames: int = 60
-    ack_window: int = 12
+    pacing: Pacing = Pacing.REALTIME
+    after_sequence: int = 0  # the last frame that the reader has
+    resume_token: str = ""  # proves that it read this session before
+    credit: int = 0  # frames that a CREDIT reader can take
+    burst_frames: int = 60  # how far a BURST stream is computed ahead of its reader
+    ack_window: int = 12  # unacknowledged frames that a REALTIME reader which acknowledges may have
 
 
 @dataclass(frozen=True)
@@ -56,7 +67,7 @@ class FrameStream:
         self.id = uuid4().hex[:12]
         self.session = session
         self.options = options
-        self.realtime = options.pacing == motion_pb2.PACING_REALTIME
+        self.realtime = options.pacing == Pacing.REALTIME
         self.credit = options.credit
         self.acknowledges = False  # from the first Ack on, a REALTIME reader has a window
         self._unacknowledged: deque[int] = deque(maxlen=options.ack_window)
@@ -77,7 +88,7 @@ class FrameStream:
         """How many frames a reader that sets the pace asks for that do not exist yet."""
         if self.realtime:
             return 0
-        credit = self.options.pacing == motion_pb2.PACING_CREDIT
+        credit = self.options.pacing == Pacing.CREDIT
         allowed = self.credit if credit else self.options.burst_frames
         return max(0, self.cursor + allowed - self.session.sequence)
 
@@ -151,17 +162,17 @@ class FrameStream:
         skipped = sequence - self.cursor - 1
         if skipped:
             self.cursor = sequence - 1
-            return Event(type=motion_pb2.EVENT_TYPE_FRAMES_SKIPPED, sequence=sequence, skipped_count=skipped)
+            return Event(EventKind.FRAMES_SKIPPED, sequence, skipped_count=skipped)
         frame = self.session.frame(sequence)
         assert frame is not None
         self.cursor = sequence
         self._unacknowledged.append(sequence)
-        if self.options.pacing == motion_pb2.PACING_CREDIT:
+        if self.options.pacing == Pacing.CREDIT:
             self.credit -= 1
         return frame
 
     def _may_send(self) -> bool:
-        if self.options.pacing == motion_pb2.PACING_CREDIT:
+        if self.options.pacing == Pacing.CREDIT:
             return self.credit > 0
         return not (self.realtime and self.acknowledges and len(self._unacknowledged) == self.options.ack_window)
 
@@ -181,3 +192,52 @@ def _starting_point(session: Session, options: StreamOptions, realtime: bool) ->
         return max(session.sequence, session.replay_until), False
     oldest = session.first_kept - 1
     return max(options.after_sequence, oldest), oldest > options.after_sequence
+
+
+class StreamMetrics:
+    """Counted where a stream hands an item to its transport."""
+
+    def __init__(self, registry: CollectorRegistry) -> None:
+        self._first = Histogram(
+            "roam_motion_first_frame_seconds",
+            "From opening a stream to its first frame.",
+            buckets=_FIRST,
+            registry=registry,
+        )
+        self._intervals = Histogram(
+            "roam_motion_frame_interval_seconds",
+            "Between two frames of a REALTIME stream.",
+            buckets=_INTERVALS,
+            registry=registry,
+        )
+        self._skipped = Counter(
+            "roam_motion_frames_skipped", "Frames that readers were too slow for.", registry=registry
+        )
+        self._resumes = Counter(
+            "roam_motion_resumes",
+            "Streams that went on after a break: from the ring of the same replica, or from the store.",
+            ("path",),
+            registry=registry,
+        )
+
+    def resumed(self, *, here: bool) -> None:
+        """A reader came back; `here` where its session was all the time."""
+        self._resumes.labels("ring" if here else "store").inc()
+
+    def reader(self, *, realtime: bool) -> Callable[[Item], None]:
+        """What counts the items of one stream, from now on."""
+        before, first = monotonic(), True
+
+        def count(item: Item) -> None:
+            nonlocal before, first
+            if isinstance(item, FrameRecord):
+                now = monotonic()
+                if first:
+                    self._first.observe(now - before)
+                elif realtime:
+                    self._intervals.observe(now - before)
+                before, first = now, False
+            elif isinstance(item, Event) and item.kind is EventKind.FRAMES_SKIPPED:
+                self._skipped.inc(item.skipped_count)
+
+        return count

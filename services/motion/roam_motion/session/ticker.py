@@ -1,23 +1,23 @@
 """One ticker steps every session that is due in ONE batched forward pass, off the event loop."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from roam_serving.logs import get_log
 
-from roam_motion.session.live import LiveSessions
-from roam_motion.session.ownership import Ownership
+from roam_motion.session.ownership import LiveSessions, Ownership
 from roam_motion.session.session import Session
-from roam_motion.session.stepping import Frames, Result
+from roam_motion.session.worker import Frames, Result
 
 log = get_log("roam_motion.session.ticker")
 
 _SWEEP_SECONDS = 1.0
 _LONGEST_WAIT = 0.7  # of a tick, from which on no frame waits to be shown
 _SLOWER, _QUICKER = 0.25, 0.01  # shares by which the pace follows steps that take longer, and less long
+_HOPELESS = 20  # failed ticks in a row: 7 s, and as many new worker processes
 _FRAMES_AHEAD = 8  # most frames of one trip to the thread, where nobody waits for the next tick
 
 
@@ -28,6 +28,7 @@ class TickerMetrics:
         self.ticks = Counter("roam_motion_ticks", "Batched steps made.", registry=registry)
         self.overruns = Counter("roam_motion_overruns", "Ticks that came late.", registry=registry)
         self.frames = Counter("roam_motion_frames", "Frames computed.", registry=registry)
+        self.errors = Counter("roam_motion_tick_errors", "Ticks that failed as a whole.", registry=registry)
         self.failures = Counter("roam_motion_step_failures", "Sessions ended by an error.", registry=registry)
         self.sessions = Gauge("roam_motion_sessions", "Sessions alive.", registry=registry)
         self.streams = Gauge("roam_motion_streams", "Streams connected.", registry=registry)
@@ -70,8 +71,11 @@ class Ticker:
         *,
         frame_rate: float,
         registry: CollectorRegistry,
+        on_failure: Callable[[str], None] = lambda reason: None,
     ) -> None:
         self._live = live
+        self._on_failure = on_failure
+        self._next_tick = self._next_sweep = 0.0  # [s] of the loop's clock
         self._ownership = ownership
         self._frames = frames
         self._interval = 1 / frame_rate
@@ -89,23 +93,39 @@ class Ticker:
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     async def run(self) -> None:
-        """Ticks until cancelled."""
-        loop = asyncio.get_running_loop()
-        next_tick = next_sweep = loop.time()
+        """Ticks until cancelled; an error costs the ticks that it took, nothing else.
+
+        `on_failure` hears of it when no tick succeeds for long: then only a new process helps.
+        """
+        self._next_tick = self._next_sweep = asyncio.get_running_loop().time()
+        failures = 0
         while True:
-            now = loop.time()
-            if now >= next_sweep:
-                next_sweep = now + _SWEEP_SECONDS
-                self.sweep()
-            tick = now >= next_tick
-            if tick:
-                next_tick = self._following(next_tick, now)
-            self._awake.clear()
-            due, frames = self._due(tick)
-            if due:
-                await self.step(due, frames, tick=next_tick - self._interval if tick else None)
-            else:
-                await self._sleep(next_tick if self._any_realtime() else next_sweep)
+            try:
+                await self._tick()
+                failures = 0
+            except Exception as error:
+                failures += 1
+                self.metrics.errors.inc()
+                log.error("a tick failed", failures=failures, exc_info=error)
+                if failures == _HOPELESS:
+                    self._on_failure(f"{failures} ticks failed in a row: {type(error).__name__}: {error}")
+                await asyncio.sleep(self._interval * failures)
+
+    async def _tick(self) -> None:
+        """One turn: sweeps, steps what is due, or sleeps until something is."""
+        now = asyncio.get_running_loop().time()
+        if now >= self._next_sweep:
+            self._next_sweep = now + _SWEEP_SECONDS
+            self.sweep()
+        tick = now >= self._next_tick
+        if tick:
+            self._next_tick = self._following(self._next_tick, now)
+        self._awake.clear()
+        due, frames = self._due(tick)
+        if due:
+            await self.step(due, frames, tick=self._next_tick - self._interval if tick else None)
+        else:
+            await self._sleep(self._next_tick if self._any_realtime() else self._next_sweep)
 
     def _due(self, tick: bool) -> tuple[list[Session], int]:
         """The sessions to step now, and by how many frames: several where that makes no tick late."""

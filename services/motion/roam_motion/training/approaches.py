@@ -13,6 +13,7 @@ import torch
 from roam_character.pose import Pose
 from roam_character.rotation import yaw_direction
 
+from roam_motion.actions import SIT
 from roam_motion.animation.figure import Figure
 from roam_motion.animator import Animator, FrameData, Goal, Idle
 from roam_motion.training.centre_of_mass import ahead_of_rear_ankle, lean
@@ -38,7 +39,7 @@ class Seen:
 
 def held_out_goals(figure: Figure, dataset: Dataset, count: int = _CHARACTERS) -> list[Pose]:
     """Seated goal poses of a data set, evenly spaced."""
-    sits = (dataset.styles[:, 2] > 0.5) & (dataset.goal >= 0) & (dataset.intent == 2)
+    sits = (dataset.styles[:, SIT.column] > 0.5) & (dataset.goal >= 0) & (dataset.intent == SIT.column)
     rows = torch.unique(dataset.goal[sits])
     rows = rows[torch.linspace(0, len(rows) - 1, min(count, len(rows))).long()] if len(rows) else rows
     rotations = figure.rotations(dataset.goal_orientations[rows]) if len(rows) else torch.zeros(0)
@@ -54,7 +55,7 @@ def approaches(animator: Animator, poses: list[Pose], seed: int = 0) -> list[See
         angle = pose.yaw() + rng.uniform(-_SIDE, _SIDE)
         x, _, z = pose.root_position + rng.uniform(*_AWAY) * np.asarray(yaw_direction(np.asarray(angle)))
         states.append(animator.start((float(x), float(z)), angle + math.pi, number))
-    goals = [Goal(pose, "sit") for pose in poses]
+    goals = [Goal(pose, SIT.name) for pose in poses]
     shown: list[list[FrameData]] = []
     for frame in range(_FRAMES + _LEAVING):
         stepped = animator.step(states, goals if frame < _FRAMES else [Idle()] * len(goals))

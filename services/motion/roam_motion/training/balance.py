@@ -7,7 +7,7 @@ stopping, sitting down, rising. So each kind gets a share of its own, whatever i
 import numpy as np
 from roam_character.kinematics import facing
 
-from roam_motion.animation.state import ACTIONS, FRAME_RATE
+from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training.episodes import Episode
 
 # Shares of the drawn locomotion frames. Kinds that the clips lack leave theirs to the others.
@@ -81,17 +81,6 @@ def balanced(kinds: list[np.ndarray], shares: dict[str, float]) -> list[np.ndarr
     wanted = np.where(counts > 0, np.array(list(shares.values())), 0.0)
     weights = wanted / max(wanted.sum(), 1e-9) / np.maximum(counts, 1)
     return [weights[own] for own in kinds]
-
-
-def speeds_of(episode: Episode) -> np.ndarray:
-    """Speed along the floor [T] [m/s]."""
-    return np.asarray(np.linalg.norm(_rate(episode.clip.root_positions[:, [0, 2]]), axis=-1))
-
-
-def action_name(episode: Episode) -> str:
-    """`sit` or `lie` of an interaction, else `walk`."""
-    active = np.flatnonzero(episode.goal == 0)
-    return ACTIONS[int(episode.intent[active[0]])] if len(active) else "walk"
 
 
 def _rate(track: np.ndarray) -> np.ndarray:

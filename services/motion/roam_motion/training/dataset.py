@@ -10,10 +10,12 @@ from roam_character.rotation import quat_to_matrix
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
-from roam_motion.animation.features import Goals, Targets
+from roam_motion.actions import SIT, STYLES
 from roam_motion.animation.figure import Figure, unit
 from roam_motion.animation.manner import NAMES
-from roam_motion.animation.state import ACTIONS, FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
+from roam_motion.animation.prediction import Goals
+from roam_motion.animation.state import FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters
+from roam_motion.models.lnsm.features import Targets
 from roam_motion.training.episodes import Episode
 
 _SLOW = 0.3  # [m/s] slower than this is standing
@@ -123,7 +125,7 @@ class Dataset:
         return Goals(
             positions=keys[..., :2],
             directions=keys[..., 2:],
-            action=torch.nn.functional.one_hot(self.intent[at], 4).float(),
+            action=torch.nn.functional.one_hot(self.intent[at], len(STYLES)).float(),
             active=active,
             pose_positions=pose,
             pose_orientations=self.goal_orientations[safe],
@@ -202,7 +204,7 @@ def _quiet(figure: Figure, episode: Episode, hips: Tensor, orientations: Tensor,
     lean."""
     active = np.flatnonzero(episode.goal == 0)
     count = len(episode.clip)
-    if not len(active) or active[0] == 0 or episode.intent[active[0]] != ACTIONS.index("sit"):
+    if not len(active) or active[0] == 0 or episode.intent[active[0]] != SIT.column:
         return torch.zeros(count)
     positions = figure.positions(hips, orientations)
     trunk = positions[:, figure.skeleton.index("neck")] - positions[:, 0]
@@ -218,7 +220,7 @@ def _feet(figure: Figure, episode: Episode, hips: Tensor, orientations: Tensor, 
     """Where both feet are when the seat carries the body [T, 2, 4], for the frames before a seat and on it."""
     count, active = len(episode.clip), np.flatnonzero(episode.goal == 0)
     feet = torch.zeros(count, 2, 4)
-    if not len(active) or active[0] == 0 or episode.intent[active[0]] != ACTIONS.index("sit"):
+    if not len(active) or active[0] == 0 or episode.intent[active[0]] != SIT.column:
         return feet
     command, told = int(active[0]), int(active[-1]) + 1
     low = torch.nonzero(hips[command:told, 1] < float(episode.goals[0][0].hips[1]) + _TOUCHES)

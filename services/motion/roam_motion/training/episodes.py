@@ -13,13 +13,13 @@ from roam_character.kinematics import facing
 from roam_character.rotation import quat_inv, quat_mul, quat_slerp
 from roam_character.skeleton import Skeleton
 
+from roam_motion.actions import IDLE, LIE, WALK
 from roam_motion.animation.figure import CONTACT_JOINTS
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training import labels
 from roam_motion.training.goals import Bank, Key, aligned, new_goal
 from roam_motion.training.recordings import Recording, Span
 
-IDLE, WALK, SIT, LIE = range(4)
 _LIVING = 0.15  # share of the clip's own motion that remains while held
 _BEFORE = 80  # frames of approach kept
 _AFTER = 60  # frames after standing up kept
@@ -35,7 +35,7 @@ class Episode:
     contacts: np.ndarray  # [T, 4] bool
     styles: np.ndarray  # [T, 4] soft labels
     phase: np.ndarray  # [T] turns, unwrapped
-    intent: np.ndarray  # [T] index into ACTIONS
+    intent: np.ndarray  # [T] index into STYLES
     goal: np.ndarray  # [T] index into goals, or -1
     horizon: np.ndarray  # [T] last frame whose root the path goals of this frame may show
     goals: tuple[tuple[Key, bool], ...]  # pose and whether it is an interaction (False: only its root, to stand at)
@@ -60,7 +60,7 @@ def locomotion(recording: Recording, skeleton: Skeleton) -> list[Episode]:
                 contacts[cut],
                 styles[cut],
                 phase[cut],
-                np.where(idle, IDLE, WALK),
+                np.where(idle, IDLE.column, WALK.column),
                 np.full(count, -1),
                 np.full(count, count - 1),
                 (),
@@ -211,9 +211,9 @@ def _episode(
     switch = max(switch, 0)
     rise = int(np.argmax(order >= span.last)) - int(rng.integers(20, 40)) if span.up is not None else count
     stand = int(np.argmax(order >= up)) if span.up is not None else count
-    intent, at, horizon = np.full(count, WALK), np.full(count, -1), np.full(count, switch)
-    intent[switch:rise], at[switch:rise] = LIE, 0
-    intent[rise:stand], at[rise:stand] = IDLE, 1
+    intent, at, horizon = np.full(count, WALK.column), np.full(count, -1), np.full(count, switch)
+    intent[switch:rise], at[switch:rise] = LIE.column, 0
+    intent[rise:stand], at[rise:stand] = IDLE.column, 1
     horizon[stand:] = count - 1
     standing = Key(bent.root_positions[min(stand, count - 1)], bent.rotations[min(stand, count - 1)])
     return Episode(

@@ -14,9 +14,10 @@ import math
 import torch
 from torch import Tensor
 
-from roam_motion.animation.features import Goals, Targets
 from roam_motion.animation.figure import Figure, Frame, orthonormal
-from roam_motion.animation.state import FUTURE, KEY_STRIDE, Characters
+from roam_motion.animation.prediction import Goals
+from roam_motion.animation.state import DIRECTION, FUTURE, KEY_STRIDE, KEYS, PHASE, PLACE, STYLE, Characters
+from roam_motion.models.lnsm.features import Targets
 
 _POSE_KEEP = 0.90  # share of a pose difference left after a frame: half gone in 0.22 s
 _ROOT_KEEP = 0.96  # of a place or heading difference: half gone in 0.57 s
@@ -77,7 +78,7 @@ def _stepping(
     worse = need == need.amax(1, keepdim=True)
     free = positions[:, :1, 1] > _UPRIGHT
     if goals is not None:
-        gone = (goals.positions[:, 6] - goals.positions[:, 0]).norm(dim=-1)
+        gone = (goals.positions[:, KEYS // 2] - goals.positions[:, 0]).norm(dim=-1)
         free = free & ((goals.active < 0.5) & (gone < _ON_THE_SPOT))[:, None]
     return worse & (need > 1) & free
 
@@ -112,13 +113,13 @@ def _held_feet(
 def _trajectory(keys: Tensor, offset: Tensor, turn: Tensor) -> Tensor:
     frames = 1 + KEY_STRIDE * torch.arange(FUTURE + 1)
     left = _ROOT_KEEP**frames  # [7]
-    places = keys[..., :2] + left[:, None] * offset[:, None]
-    directions = _turned(keys[..., 2:4], left * turn[:, None])
-    return torch.cat([places, directions, keys[..., 4:]], -1)
+    places = keys[..., PLACE] + left[:, None] * offset[:, None]
+    directions = _turned(keys[..., DIRECTION], left * turn[:, None])
+    return torch.cat([places, directions, keys[..., STYLE]], -1)
 
 
 def _phase(characters: Characters, truth: Characters, advances: Tensor) -> Tensor:
-    behind = truth.past[:, -1, 8] - characters.past[:, -1, 8]
+    behind = truth.past[:, -1, PHASE.start] - characters.past[:, -1, PHASE.start]
     behind = behind - behind.round()
     frames = 1 + KEY_STRIDE * torch.arange(FUTURE + 1)
     return advances + (1 - _PHASE_KEEP**frames) * behind[:, None]

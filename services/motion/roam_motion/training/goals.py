@@ -48,7 +48,7 @@ class Bank:
 
 
 def read_given(skeleton: Skeleton, folder: Path, action: str) -> list[Key]:
-    """The goal poses of `folder`/*-ACTION.json (see evaluation/motion_goals.py) and their mirror images."""
+    """The goal poses of `folder`/*-ACTION.json (see roam_evaluation.motion.goals) and their mirror images."""
     records = [json.loads(path.read_text()) for path in sorted(folder.glob(f"*-{action}.json"))]
     if not records:
         return []

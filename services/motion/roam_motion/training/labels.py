@@ -3,8 +3,8 @@
 import numpy as np
 from roam_character.clip import Clip
 
+from roam_motion.actions import IDLE, STYLES
 from roam_motion.animation.figure import CONTACT_JOINTS
-from roam_motion.animation.state import ACTIONS
 
 # Contact: a foot joint this low and this slow starts to count, and counts until it is higher or faster than the second
 # pair (hysteresis). Ankles stand 8 cm, toe joints 2.5 cm above the sole.
@@ -36,7 +36,7 @@ def find_contacts(positions: np.ndarray, frame_rate: float, joints: list[int]) -
     speed = np.linalg.norm(np.gradient(track, axis=0), axis=-1) * frame_rate
     height = track[..., 1]
     out = np.zeros(height.shape, bool)
-    for column in range(4):
+    for column in range(len(joints)):
         on, off = _TOES if column % 2 else _ANKLE
         held = False
         for t in range(len(track)):
@@ -102,10 +102,10 @@ def find_phase(contacts: np.ndarray, frame_rate: float) -> np.ndarray:
 
 
 def soft_actions(names: list[str], frame_rate: float) -> np.ndarray:
-    """Soft labels [T, 4] in the order of ACTIONS: one-hot segments with linear ramps."""
-    hard = np.zeros((len(names), len(ACTIONS)), np.float32)
+    """Soft labels [T, 4] in the order of STYLES: one-hot segments with linear ramps."""
+    hard = np.zeros((len(names), len(STYLES)), np.float32)
     for t, name in enumerate(names):
-        hard[t, ACTIONS.index(_ACTION_OF.get(name, "idle"))] = 1
+        hard[t, STYLES.index(_ACTION_OF.get(name, IDLE.style))] = 1
     width = max(1, int(_RAMP * frame_rate))
     padded = np.pad(hard, ((width // 2, width - 1 - width // 2), (0, 0)), mode="edge")
     kernel = np.ones(width, np.float32) / width

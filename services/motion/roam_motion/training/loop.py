@@ -14,12 +14,14 @@ import torch
 from safetensors import safe_open
 from torch import Tensor
 
-from roam_motion.animation.features import Inputs, network_config, widths
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import Predict
+from roam_motion.models.lnsm.config import WHOLE, Parts, network_config
+from roam_motion.models.lnsm.features import Inputs, output_widths
 from roam_motion.models.lnsm.network import MotionNetwork, Normaliser
+from roam_motion.models.lnsm.predict import predicting
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.mirror import Mirror, mirror_of
-from roam_motion.training.parts import WHOLE, Parts
 from roam_motion.training.rollout import Rollout
 
 # Blocks that carry the motion on (hips, feet) and single numbers among hundreds count more.
@@ -86,9 +88,13 @@ class Learner:
     normaliser: Normaliser
     optimiser: torch.optim.Optimizer
     joints: int
-    parts: Parts = WHOLE
     seconds: float = 0.0
     updates: int = 0
+
+    @property
+    def parts(self) -> Parts:
+        """What the network has of the method."""
+        return self.network.config.parts
 
     def state(self) -> dict[str, object]:
         """Everything a resumed run needs."""
@@ -119,7 +125,11 @@ class Learner:
             module.load_state_dict(own)
         self.updates = int(metadata["updates"])
 
-    def predict(self, *, averaged: bool = False) -> Callable[[Inputs], Tensor]:
+    def predict(self, *, averaged: bool = False) -> Predict:
+        """The motion model of the current (or averaged) weights."""
+        return predicting(self.joints, self.parts, self.raw(averaged=averaged))
+
+    def raw(self, *, averaged: bool = False) -> Callable[[Inputs], Tensor]:
         """Raw inputs -> raw outputs with the current (or averaged) weights."""
         network, normaliser = self.averaged if averaged else self.network, self.normaliser
 
@@ -127,19 +137,19 @@ class Learner:
             columns = [normaliser.apply_to(n, getattr(inputs, n)) for n in ("frame", "goal", "gating")]
             return normaliser.undo("output", network(*columns))
 
-        return self.parts.of(self.joints, call)
+        return call
 
 
 def make_learner(figure: Figure, config: TrainingConfig, parts: Parts = WHOLE) -> Learner:
     """A fresh network and optimiser."""
     torch.manual_seed(config.seed)
     sizes = {"experts": config.experts, "encoding": config.encoding, "hidden": config.hidden}
-    shape = network_config(figure.joint_count, **sizes)
-    network = parts.network(shape)
+    shape = network_config(figure.joint_count, parts=parts, **sizes)
+    network = MotionNetwork(shape)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.rate, weight_decay=config.decay, betas=(0.9, 0.99), fused=True
     )
-    return Learner(network, copy.deepcopy(network), Normaliser(shape), optimiser, figure.joint_count, parts)
+    return Learner(network, copy.deepcopy(network), Normaliser(shape), optimiser, figure.joint_count)
 
 
 @torch.no_grad()
@@ -168,7 +178,7 @@ def fit_normaliser(learner: Learner, rollout: Rollout, rounds: int = 24) -> None
 
 
 def _inverse_columns(figure: Figure) -> slice:
-    sizes = widths(figure.joint_count)
+    sizes = output_widths(figure.joint_count)
     start = sizes["positions"] + sizes["axes"]
     return slice(start, start + sizes["inverse_positions"] + sizes["inverse_axes"])
 
@@ -177,7 +187,7 @@ def column_weights(figure: Figure, without: Parts = WHOLE) -> Tensor:
     """Loss weight of every output column, mean one; nought `without` the part that it belongs to."""
     parts = []
     trunk = figure.skeleton.indices(_TRUNK)
-    for name, width in widths(figure.joint_count).items():
+    for name, width in output_widths(figure.joint_count).items():
         weight = torch.full((width,), _BLOCK_WEIGHTS.get(name, 1.0))
         if name.endswith(("positions", "axes")):
             weight.view(figure.joint_count, -1)[trunk] *= _TRUNK_WEIGHT
@@ -328,9 +338,10 @@ def checkpoint(run: Path, learner: Learner, scores: dict[str, float]) -> None:
         file.write(json.dumps({"updates": learner.updates, "seconds": learner.seconds, **scores}) + "\n")
     best = run / "best.json"
     if not best.exists() or scores["score"] < json.loads(best.read_text())["score"]:
-        best.write_text(json.dumps({"updates": learner.updates, **scores}))
         torch.save(state, run / "best.tmp")
         (run / "best.tmp").replace(run / "best.pt")
+        (run / "best.json.tmp").write_text(json.dumps({"updates": learner.updates, **scores}))
+        (run / "best.json.tmp").replace(best)  # last: whoever reads the score finds the weights that reached it
 
 
 def config_json(config: TrainingConfig, extra: dict[str, object]) -> str:

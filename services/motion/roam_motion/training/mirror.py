@@ -5,16 +5,21 @@ that nothing in what is learned prefers a side. Joints change sides, and so do c
 sign. The gait phase counts from the left foot's contacts: in the mirror image it is half a turn on.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from roam_motion.animation.features import Inputs, widths
+from roam_motion.actions import STYLES
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.state import KEYS
+from roam_motion.models.lnsm.features import Inputs, frame_widths, gating_widths, goal_widths, output_widths
 
-_OTHER_SIDE = (2, 3, 0, 1)  # of the contacts left ankle, left toes, right ankle, right toes
+_ROOT = (-1.0, 1.0, -1.0, 1.0)  # of a root's place and direction (x, z)
+# Every number for the gate has the phase vector in it, those of the goal's angle (the last of three scales) the angle
+# too.
+_GATED = (-1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,35 +49,45 @@ class Mirror:
 
 
 def mirror_of(figure: Figure) -> Mirror:
-    """The mirror of a figure's features (see features.py for their order)."""
-    joints = torch.tensor(figure.skeleton.mirror)
+    """The mirror of a figure's features (see models.lnsm.features for their order)."""
+    joints, contacts = torch.tensor(figure.skeleton.mirror), _contacts(figure)
     pairs = _vectors(KEYS, 2)  # places or directions (x, z) at the keys
-    frame = [_joints(joints, 4), pairs, pairs, _same(4 * KEYS), _contacts()]
-    goal = [_joints(joints, 3), pairs, pairs, _same(5)]
-    columns = widths(figure.joint_count)
-    future = columns["phase"]
+    styles, ahead = len(STYLES), output_widths(figure.joint_count)["phase"]
+    frame = {
+        "pose": _joints(joints, 4),
+        "places": pairs,
+        "directions": pairs,
+        "styles": _same(styles * KEYS),
+        "contacts": contacts,
+    }
+    goal = {
+        "pose": _joints(joints, 3),
+        "places": pairs,
+        "directions": pairs,
+        "action": _same(styles),
+        "settled": _same(1),
+    }
+    gating = {"styles": _repeated([-1.0, -1.0], styles * KEYS), "actions": _repeated(_GATED, styles * KEYS)}
     output = {
         "positions": _joints(joints, 1),
         "axes": _joints(joints, 2),
         "inverse_positions": _joints(joints, 1),
         "inverse_axes": _joints(joints, 2),
-        "trajectory": _repeated([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0], future),
-        "inverse_trajectory": _repeated([-1.0, 1.0, -1.0, 1.0], future),
-        "contacts": _contacts(),
-        "phase": _same(future),
+        "trajectory": _repeated([*_ROOT, *[1.0] * styles], ahead),
+        "inverse_trajectory": _repeated(_ROOT, ahead),
+        "contacts": contacts,
+        "phase": _same(ahead),
     }
-    assert {name: len(swap.order) for name, swap in output.items()} == columns
-    # Every number for the gate has the phase vector in it, those of the goal's angle the angle too.
-    styles = _repeated([-1.0] * 8, KEYS)
-    actions = _repeated([-1.0, -1.0, -1.0, -1.0, 1.0, 1.0] * 4, KEYS)
-    return Mirror(*(_joined(parts) for parts in (frame, goal, [styles, actions], list(output.values()))))
+    count = figure.joint_count
+    widths = frame_widths(count), goal_widths(count), gating_widths(), output_widths(count)
+    return Mirror(*(_joined(*blocks) for blocks in zip((frame, goal, gating, output), widths, strict=True)))
 
 
 def _same(count: int) -> Swap:
     return Swap(torch.arange(count), torch.ones(count))
 
 
-def _repeated(signs: list[float], count: int) -> Swap:
+def _repeated(signs: Sequence[float], count: int) -> Swap:
     sign = torch.tensor(signs).repeat(count)
     return Swap(torch.arange(len(sign)), sign)
 
@@ -89,13 +104,18 @@ def _joints(mirror: Tensor, vectors: int) -> Swap:
     return Swap(order, _vectors(len(mirror) * vectors, 3).sign)
 
 
-def _contacts() -> Swap:
-    return Swap(torch.tensor(_OTHER_SIDE), torch.ones(len(_OTHER_SIDE)))
+def _contacts(figure: Figure) -> Swap:
+    contacts = figure.contacts.tolist()
+    order = [contacts.index(figure.skeleton.mirror[joint]) for joint in contacts]
+    return Swap(torch.tensor(order), torch.ones(len(order)))
 
 
-def _joined(parts: list[Swap]) -> Swap:
+def _joined(blocks: Mapping[str, Swap], widths: Mapping[str, int]) -> Swap:
+    """Blocks side by side; they have to be those of `widths`, in its order. ValueError when they are not."""
+    if [(name, len(swap.order)) for name, swap in blocks.items()] != list(widths.items()):
+        raise ValueError(f"the mirror knows other blocks than the network's features: {dict(widths)}")
     start, orders = 0, []
-    for part in parts:
-        orders.append(part.order + start)
-        start += len(part.order)
-    return Swap(torch.cat(orders), torch.cat([part.sign for part in parts]))
+    for swap in blocks.values():
+        orders.append(swap.order + start)
+        start += len(swap.order)
+    return Swap(torch.cat(orders), torch.cat([swap.sign for swap in blocks.values()]))

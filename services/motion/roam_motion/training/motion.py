@@ -19,6 +19,7 @@ import torch
 
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
+from roam_motion.models.lnsm.predict import LnsmModel
 from roam_motion.training.approaches import approach_scores, held_out_goals
 from roam_motion.training.library import LibraryConfig, load_library
 from roam_motion.training.licences import LicenceError
@@ -65,7 +66,7 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
     """The options that `library_of` reads."""
     parser.add_argument("--bvh", action="append", type=Path, metavar="DIR", help="folder of BVH files (repeatable)")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by evaluation.motion_goals")
+    parser.add_argument("--goals", type=Path, metavar="DIR", help="goal poses made by roam_evaluation.motion.goals")
     parser.add_argument(
         "--share-alike", action="store_true", help="clips under CC BY-SA may be used; so are the weights then"
     )
@@ -120,9 +121,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         predict = state.predict(averaged=True)
         scores = rollout_scores(figure, held_out, predict, torch.Generator().manual_seed(1))
         if poses and len(starts["start.height"]):
-            network = copy.deepcopy(state.averaged)
-            served = Animator(figure, network, state.normaliser, {k[6:]: v for k, v in starts.items()})
-            scores |= approach_scores(served, poses)
+            stances = {name.removeprefix("start."): stance for name, stance in starts.items()}
+            served = LnsmModel(figure, copy.deepcopy(state.averaged), state.normaliser, stances)
+            scores |= approach_scores(Animator(served), poses)
             scores["score"] += scores["people"]
         print("validation", json.dumps({k: round(v, 4) for k, v in scores.items()}), flush=True)
         return scores

@@ -15,7 +15,6 @@ from roam_character.formats.bvh import read_bvh
 from roam_character.retarget import RetargetError, retarget
 from roam_character.skeleton import Skeleton
 
-from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training import labels
 
 SHORTEST = 1.0  # [s] of a clip that is of use: about one gait cycle
@@ -61,11 +60,6 @@ class Recording:
             segments=None if self.segments is None else [self.segments[i] for i in pick],
             spans=tuple(span.scaled(factor, len(clip)) for span in self.spans),
         )
-
-    def mirrored(self) -> "Recording":
-        """Left and right exchanged."""
-        contacts = None if self.ankle_contacts is None else self.ankle_contacts[:, ::-1].copy()
-        return replace(self, name=f"{self.name}~", clip=self.clip.mirrored(), ankle_contacts=contacts)
 
 
 @dataclass(frozen=True)
@@ -176,8 +170,3 @@ def _composed_spans(rows: list[dict[str, str]]) -> dict[str, tuple[Span, ...]]:
         lie, down, up = ends["lie"], ends["sit-down"], ends["stand-up"]
         out[Path(name).name] = (Span("lie", down[0], lie[0], lie[1], up[1]),)
     return out
-
-
-def at_frame_rate(recordings: list[Recording]) -> list[Recording]:
-    """All recordings at the motion service's 30 Hz."""
-    return [recording.at_rate(FRAME_RATE) for recording in recordings]

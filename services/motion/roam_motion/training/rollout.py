@@ -10,14 +10,16 @@ from dataclasses import fields
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, advance
-from roam_motion.animation.features import Inputs, encode, encode_targets
-from roam_motion.animation.figure import Figure
+from roam_motion.actions import IDLE, STYLES
+from roam_motion.animation.advance import advance
+from roam_motion.animation.figure import CONTACT_JOINTS, Figure
 from roam_motion.animation.manner import NAMES
+from roam_motion.animation.prediction import Predict
 from roam_motion.animation.state import FUTURE, PAST, Characters
+from roam_motion.models.lnsm.config import WHOLE, Parts
+from roam_motion.models.lnsm.features import Inputs, encode, encode_targets
 from roam_motion.training.dataset import Dataset
 from roam_motion.training.expert import returning
-from roam_motion.training.parts import WHOLE, Parts
 from roam_motion.training.weights import start_poses
 
 _LOST = 0.6  # [m] root difference at which a roll-out starts again elsewhere
@@ -53,7 +55,7 @@ class Rollout:
         truth, ahead = self.dataset.characters(figure, self.at), self.dataset.targets(figure, self.at)
         positions = figure.positions(characters.hips, characters.orientations)
         root = figure.frame(positions)
-        inputs = encode(figure, characters, goals, positions, root)
+        inputs = encode(characters, goals, positions, root)
         targets = returning(figure, characters, positions, truth, ahead, goals)
         return inputs, encode_targets(figure, characters, goals, positions, root, targets), goals.active
 
@@ -108,7 +110,8 @@ def standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: Tensor) 
     """Characters that have stood still for a second: hips [B, 3], world orientations [B, J, 3, 3], gait phase [B]."""
     positions = figure.positions(hips, orientations)
     frame, count = figure.frame(positions), len(hips)
-    idle = torch.tensor([1.0, 0.0, 0.0, 0.0]).expand(count, 4)
+    idle = torch.tensor([float(style == IDLE.style) for style in STYLES]).expand(count, -1)
+    planted = torch.ones(count, len(CONTACT_JOINTS))
     row = torch.cat([frame.origin, frame.direction, idle, phase[:, None]], 1)[:, None]
     return Characters(
         hips=hips,
@@ -116,9 +119,9 @@ def standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: Tensor) 
         velocities=torch.zeros_like(positions),
         past=row.repeat(1, PAST, 1),
         future=row.repeat(1, FUTURE, 1),
-        contacts=torch.ones(count, 4),
+        contacts=planted,
         locks=positions[:, figure.contacts],
-        lock_weights=torch.ones(count, 4),
+        lock_weights=planted.clone(),
         settled=torch.zeros(count),
         blend=torch.zeros(count),
         standing=torch.ones(count),

@@ -30,9 +30,10 @@ from roam_character.rotation import (
 )
 from roam_character.skeleton import Skeleton
 
+from roam_motion.actions import IDLE, SIT, WALK
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.training.centre_of_mass import ahead_of_rear_ankle, lean
-from roam_motion.training.episodes import IDLE, SIT, WALK, Episode, labelled, smooth
+from roam_motion.training.episodes import Episode, labelled, smooth
 from roam_motion.training.goals import LEGS, Bank, Key, aligned, ankles, key_yaw, new_goal
 from roam_motion.training.recordings import Recording, Span
 
@@ -164,7 +165,7 @@ def sitting(
     lead = down or up
     assert lead is not None
     key = _key(lead)
-    goal = new_goal(skeleton, "sit", bank, key, rng)
+    goal = new_goal(skeleton, SIT.name, bank, key, rng)
     if any(abs(goal.hips[1] - _key(way).hips[1]) > _TALLER for way in (down, up) if way is not None):
         return None
     stretch = _stretch(skeleton, goal, key)
@@ -367,9 +368,9 @@ def _joined(
     if up is not None:
         told = count - 1 - up.moves - int(rng.integers(*_COMMAND_UP))
         stands = count - 1 - up.begins
-    intent, at, horizon = np.full(count, WALK), np.full(count, -1), np.full(count, command)
-    intent[command:told], at[command:told] = SIT, 0
-    intent[told:stands], at[told:stands] = IDLE, 1
+    intent, at, horizon = np.full(count, WALK.column), np.full(count, -1), np.full(count, command)
+    intent[command:told], at[command:told] = SIT.column, 0
+    intent[told:stands], at[told:stands] = IDLE.column, 1
     horizon[stands:] = count - 1
     clip = Clip(skeleton, float(FRAME_RATE), whole("hips"), whole("rotations"))
     end = min(stands, count - 1)

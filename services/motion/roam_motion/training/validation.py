@@ -3,10 +3,11 @@
 import torch
 from torch import Tensor
 
-from roam_motion.animation.advance import Predict, advance
+from roam_motion.animation.advance import advance
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.prediction import Predict
+from roam_motion.models.lnsm.config import WHOLE, Parts
 from roam_motion.training.dataset import Dataset
-from roam_motion.training.parts import WHOLE, Parts
 
 _FRAMES = 120
 _CHARACTERS = 96

@@ -6,16 +6,23 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from roam_motion.animation.features import network_config
 from roam_motion.animation.figure import Figure
+from roam_motion.animation.proportions import size
+from roam_motion.models.lnsm import predict as lnsm
+from roam_motion.models.lnsm.config import network_config
 from roam_motion.training.dataset import Dataset
 
+_TALL = 0.92  # [m], for legs of 0.82 m: hips higher than this stand upright
 _STARTS = 8  # quiet standing poses that a new character may start from
 
 
 def start_poses(figure: Figure, dataset: Dataset) -> dict[str, torch.Tensor]:
     """Hips heights [S] and world orientations [S, J, 3, 3] (facing +Z, over the origin) of quiet standing frames."""
-    still = (dataset.styles[:, 0] > 0.999) & (dataset.hips[:, 1] > 0.92) & (dataset.contacts[:, [0, 2]].amin(1) > 0.5)
+    still = (
+        (dataset.styles[:, 0] > 0.999)
+        & (dataset.hips[:, 1] > _TALL * size(figure))
+        & (dataset.contacts[:, [0, 2]].amin(1) > 0.5)
+    )
     rows = still.nonzero()[:, 0]
     before = figure.positions(dataset.hips[rows - 1], dataset.orientations[rows - 1])
     now = figure.positions(dataset.hips[rows], dataset.orientations[rows])
@@ -42,7 +49,12 @@ def export(checkpoint: Path, path: Path, figure: Figure, dataset: Dataset) -> di
         "hidden": network["first.weight"].shape[2],
     }
     config = network_config(figure.joint_count, **sizes).as_dict()
-    metadata = {"config": json.dumps(config), "skeleton": figure.skeleton.id, "updates": str(state["updates"])}
+    metadata = {
+        "model": lnsm.KEY,
+        "config": json.dumps(config),
+        "skeleton": figure.skeleton.id,
+        "updates": str(state["updates"]),
+    }
     path.parent.mkdir(parents=True, exist_ok=True)
     save_file(tensors, path, metadata)
     scores: dict[str, object] = dict(state["scores"])

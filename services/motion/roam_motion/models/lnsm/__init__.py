@@ -1,1 +1,1 @@
-"""l-NSM (paper 3.2)."""
+"""l-NSM, the paper's motion network (3.2): configuration, features, network, prediction."""

@@ -5,31 +5,13 @@ batches is 10-40 times cheaper than building B weight matrices.
 """
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import elu
 
-
-@dataclass(frozen=True)
-class NetworkConfig:
-    """Sizes. The paper has 10 experts of width 512 (13.7 M parameters); these are what two CPU cores train in an
-    hour."""
-
-    frame: int  # numbers that describe the character
-    goal: int  # numbers that describe the goal
-    gating: int  # phase x labels x distance and angle
-    output: int
-    experts: int = 8
-    encoding: int = 256
-    hidden: int = 256
-    gate_hidden: int = 64
-    dropout: float = 0.0  # on the encoders' inputs; the paper's 0.3 costs accuracy when targets are per-frame changes
-
-    def as_dict(self) -> dict[str, float]:
-        """Plain numbers for the weights' manifest."""
-        return asdict(self)
+from roam_motion.models.lnsm.config import NetworkConfig
 
 
 class Experts(nn.Module):
@@ -90,8 +72,9 @@ class MotionNetwork(nn.Module):
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         self.config = config
-        self.frame_encoder = _encoder(config.frame, config.encoding)
-        self.goal_encoder = _encoder(config.goal, config.encoding)
+        parts = config.parts
+        self.frame_encoder = _encoder(config.frame, config.encoding) if parts.frame_encoder else nn.Sequential()
+        self.goal_encoder = _encoder(config.goal, config.encoding) if parts.goal_encoder else nn.Sequential()
         self.gate = nn.Sequential(
             nn.Linear(config.gating, config.gate_hidden),
             nn.ELU(),
@@ -100,7 +83,9 @@ class MotionNetwork(nn.Module):
             nn.Linear(config.gate_hidden, config.experts),
             nn.Softmax(-1),
         )
-        self.first = Experts(config.experts, 2 * config.encoding, config.hidden)
+        encoded = config.encoding if parts.frame_encoder else config.frame
+        encoded += config.encoding if parts.goal_encoder else config.goal
+        self.first = Experts(config.experts, encoded, config.hidden)
         self.second = Experts(config.experts, config.hidden, config.hidden)
         self.last = Experts(config.experts, config.hidden, config.output)
         self.last.weight.data *= 0.1  # start near "no change"

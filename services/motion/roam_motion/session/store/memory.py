@@ -4,15 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from time import monotonic
 
-from roam_motion.session.store.base import (
-    Claim,
-    ControlEntry,
-    HeldElsewhereError,
-    MissingError,
-    SessionRecord,
-    Snapshot,
-    SupersededError,
-)
+from roam_motion.session.records import Claim, ControlEntry, SessionRecord, Snapshot
+from roam_motion.session.store.base import HeldElsewhereError, MissingError, SupersededError
 
 
 @dataclass
@@ -22,28 +15,30 @@ class _Stored:
     token: int
     expires: float
     snapshots: dict[int, Snapshot] = field(default_factory=dict)
-    controls: dict[int, ControlEntry] = field(default_factory=dict)
+    controls: dict[int, ControlEntry] = field(default_factory=dict)  # by effective sequence
 
 
 class MemoryStore:
-    """Implements motion.store.SessionStore in this process; several replicas in one process may share it."""
+    """Implements `SessionStore` in this process; several replicas in one process may share it."""
+
+    nearly_full = False  # the sessions' own budgets bound it
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self._sessions: dict[str, _Stored] = {}
-        self._requests: dict[str, str] = {}
+        self._requests: dict[tuple[str, str], str] = {}  # by key's name and request_id
         self._leases: dict[str, float] = {}
         self._asked: dict[str, set[str]] = {}
 
     async def renew(self, owner: str, seconds: float) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         self._leases[owner] = self._clock() + seconds
 
     async def create(self, record: SessionRecord, owner: str, snapshot: Snapshot) -> str:
-        """See SessionStore."""
+        """See `SessionStore`."""
         self._drop_expired()
         if record.request_id:
-            known = self._requests.setdefault(record.request_id, record.name)
+            known = self._requests.setdefault((record.owner, record.request_id), record.name)
             if known != record.name:
                 return known
         stored = _Stored(record, owner, 1, self._clock() + record.idle_timeout)
@@ -51,11 +46,11 @@ class MemoryStore:
         self._sessions[record.name] = stored
         return record.name
 
-    async def claim(self, name: str, owner: str) -> Claim | None:
-        """See SessionStore."""
+    async def claim(self, name: str, owner: str, key: str = "") -> Claim | None:
+        """See `SessionStore`."""
         self._drop_expired()
         stored = self._sessions.get(name)
-        if stored is None:
+        if stored is None or stored.record.owner != key:
             return None
         if stored.owner != owner and self._leases.get(stored.owner, 0) > self._clock():
             raise HeldElsewhereError(stored.owner)
@@ -65,15 +60,15 @@ class MemoryStore:
         return Claim(stored.record, stored.token, snapshots, controls, released)
 
     async def log(self, name: str, token: int, entry: ControlEntry) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         stored = self._sessions.get(name)
         if stored is None:
             raise MissingError
         _check(stored, token)
-        stored.controls[entry.control_id] = entry
+        stored.controls[entry.effective] = entry  # stands for an earlier one of the same frame too
 
     async def save(self, record: SessionRecord, owner: str, token: int, snapshot: Snapshot, keep_from: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         fresh = _Stored(record, owner, token, self._clock() + record.idle_timeout)
         stored = self._sessions.setdefault(record.name, fresh)
         _check(stored, token)
@@ -82,34 +77,34 @@ class MemoryStore:
         stored.controls = {key: kept for key, kept in stored.controls.items() if kept.effective > keep_from}
 
     async def release(self, name: str, token: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         stored = self._sessions.get(name)
         if stored is not None and stored.token == token:
             stored.owner = ""
 
     async def remove(self, name: str, token: int) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         stored = self._sessions.get(name)
         if stored is not None and stored.token == token:
             self._forget(stored)
 
     async def keep(self, seconds: Mapping[str, float]) -> set[str]:
-        """See SessionStore."""
+        """See `SessionStore`."""
         now = self._clock()
         for name in seconds.keys() & self._sessions.keys():
             self._sessions[name].expires = now + seconds[name]
         return set(seconds.keys() - self._sessions.keys())
 
     async def ask(self, owner: str, name: str) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
         self._asked.setdefault(owner, set()).add(name)
 
     async def asked(self, owner: str) -> set[str]:
-        """See SessionStore."""
+        """See `SessionStore`."""
         return self._asked.pop(owner, set())
 
     async def close(self) -> None:
-        """See SessionStore."""
+        """See `SessionStore`."""
 
     def _drop_expired(self) -> None:
         now = self._clock()
@@ -118,7 +113,7 @@ class MemoryStore:
 
     def _forget(self, stored: _Stored) -> None:
         del self._sessions[stored.record.name]
-        self._requests.pop(stored.record.request_id, None)
+        self._requests.pop((stored.record.owner, stored.record.request_id), None)
 
 
 def _check(stored: _Stored, token: int) -> None:

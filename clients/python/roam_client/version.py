@@ -1,0 +1,3 @@
+"""The version of this release: the client, the command and the services share one."""
+
+__version__ = "0.2.0"

@@ -1,0 +1,1 @@
+"""Users' own characters: mapping, round trip, contacts."""

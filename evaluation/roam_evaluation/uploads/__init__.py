@@ -1,0 +1,1 @@
+"""How files that people upload are understood, with nothing said about them."""

@@ -1,0 +1,1 @@
+"""Poses and motions of our figure on a user's own character."""
