@@ -128,17 +128,17 @@ def test_what_is_done_is_told_by_content_and_options(shelf: Path, tmp_path: Path
 
 def test_a_pose_that_is_another_one_is_made_again(shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     out = tmp_path / "poses"
-    ledger = Ledger(out, shelf, ORDER, Ending.NPZ)
     source = shelf / "chairs/chair.glb"
+    ledger = Ledger(out, shelf, ORDER, Ending.NPZ, [source])
     monkeypatch.setattr(batch_ledger, "write_pose", lambda target, *_, **__: target.write_bytes(b"whole"))
     monkeypatch.setattr(batch_ledger, "goal_pose_figures", lambda goal: {})
     monkeypatch.setattr(batch_ledger.GoalPose, "from_message", lambda *_, **__: None)
     place = goal_pose_pb2.Object(object_to_world=np.eye(4).ravel()).SerializeToString()
     done = Outcome(object=place, goal_pose=b"\n\x00", content=digest_of(source.read_bytes()))
     assert ledger.add(source, done, None)["status"] == "done"
-    assert Ledger(out, shelf, ORDER, Ending.NPZ).has(source)
+    assert Ledger(out, shelf, ORDER, Ending.NPZ, [source]).has(source)
     ledger.target(source).write_bytes(b"who")  # cut off, or of another run
-    assert not Ledger(out, shelf, ORDER, Ending.NPZ).has(source)
+    assert not Ledger(out, shelf, ORDER, Ending.NPZ, [source]).has(source)
 
 
 def test_a_full_disk_leaves_no_file_and_names_it(shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -162,10 +162,10 @@ def test_exit_codes_tell_whether_anything_was_made(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(batch_engines, "local", run)
     folder = tmp_path / "shelf"
-    files(folder, {"a.obj": b"a", "b.obj": b"b", "c.fbx": b"c"})
+    files(folder, {"a.obj": b"a", "b.obj": b"b", "c.blend": b"c"})
     result = CliRunner().invoke(app, ["batch", str(folder), "-o", str(tmp_path / "out")])
     assert result.exit_code == 1
-    assert "c.fbx" in result.stderr
+    assert "c.blend" in result.stderr
     assert "export them as .glb" in " ".join(result.stderr.split())
 
 
