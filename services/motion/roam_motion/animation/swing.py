@@ -17,8 +17,11 @@ from roam_motion.animation.state import Characters, strolling
 
 # Measured on steady walking at 0.7 to 1.0 m/s, clips of the training set beside the network: deviations of 7.5 to 5.5
 # degrees of the arm, of 4.3 to 3.6 degrees of the shoulders' turn against the hips.
-# The second number is what a deviate of `arms` adds: people's arms swing by 0.6 to 1.5 times the mean (5, 95 %).
-_ARM, _TRUNK = (0.37, 0.35), (0.2, 0.2)  # shares of the swing that are added
+# The second number is what a deviate of `arms` adds, chosen by hand within the range of captured arm swings.
+_ARM, _TRUNK = (0.1, 0.25), (0.2, 0.2)  # shares of the swing that are added
+# Walking people carry elbows bent by 38 to 62 degrees and upper arms 0 to 15 degrees behind hanging; the network's mean is
+# 22 to 27 and 9 to 11 in front (`roam evaluate motion --people`).
+_BACK, _BENT = 0.22, 0.40  # [rad] upper arms back, elbows bent farther
 _HANGING = 0.295  # [rad] hands swing about this far in front of their shoulders, in the clips and here alike
 _MOST = 0.3  # [rad] added at most
 _ARMS = ("UpperArm", "LowerArm", "Hand")
@@ -57,7 +60,8 @@ def swinging(figure: Figure, positions: Tensor, orientations: Tensor, share: Ten
     ahead = torch.atan2(reach[..., 2], -reach[..., 1]) - _HANGING
     pitch = (of_arms * share * ahead).clamp(-_MOST, _MOST).repeat_interleave(3, 1)
     left = torch.stack([root.direction[:, 1], torch.zeros_like(share[:, 0]), -root.direction[:, 0]], -1)[:, None]
-    return _turned(orientations, arms.flatten(), -pitch, left)
+    carried = torch.tensor([_BACK, _BACK - _BENT, _BACK - _BENT]).repeat(2)  # upper arm, lower arm, hand
+    return _turned(orientations, arms.flatten(), share * carried - pitch, left)
 
 
 def _yaw(across: Tensor) -> Tensor:
