@@ -2,7 +2,7 @@ import struct
 
 import numpy as np
 import pytest
-from roam_goalpose.objects import ObjectError
+from roam_goalpose.objects import ObjectError, load_shape
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.readers.pcd import lzf_decompress, read_pcd
 
@@ -30,11 +30,11 @@ def _compressed(records, packed=None):
 
 def test_ascii():
     rows = "\n".join(" ".join(str(v) for v in row) for row in POINTS).encode()
-    np.testing.assert_allclose(read_pcd(_header("ascii") + rows, Limits()).vertices, POINTS, rtol=1e-6)
+    np.testing.assert_allclose(read_pcd(_header("ascii") + rows, Limits(), {}).vertices, POINTS, rtol=1e-6)
 
 
 def test_binary():
-    np.testing.assert_array_equal(read_pcd(_header("binary") + POINTS.tobytes(), Limits()).vertices, POINTS)
+    np.testing.assert_array_equal(read_pcd(_header("binary") + POINTS.tobytes(), Limits(), {}).vertices, POINTS)
 
 
 def test_other_fields_padding_and_field_order():
@@ -44,15 +44,17 @@ def test_other_fields_padding_and_field_order():
         records[axis] = column
     options = {"fields": "rgb z histogram _ x y", "size": "4 8 4 1 4 4", "kind": "U F F U F F", "count": "1 1 5 1 1 1"}
     data = _header("binary", **options) + records.tobytes()
-    np.testing.assert_array_equal(read_pcd(data, Limits()).vertices, POINTS)
+    np.testing.assert_array_equal(read_pcd(data, Limits(), {}).vertices, POINTS)
     data = _header("binary_compressed", **options) + _compressed(records)
-    np.testing.assert_array_equal(read_pcd(data, Limits()).vertices, POINTS)
+    np.testing.assert_array_equal(read_pcd(data, Limits(), {}).vertices, POINTS)
 
 
-def test_missing_returns_are_left_out():
+def test_missing_returns_are_marked_and_left_out():
     holed = POINTS.copy()
     holed[10] = np.nan
-    assert len(read_pcd(_header("binary") + holed.tobytes(), Limits()).vertices) == 299
+    read = read_pcd(_header("binary") + holed.tobytes(), Limits(), {}).vertices
+    assert np.isfinite(read).all(axis=1).sum() == 299
+    assert len(load_shape(_header("binary") + holed.tobytes(), "pcd").points) > 0
 
 
 @pytest.mark.parametrize(
@@ -95,5 +97,5 @@ def test_damaged_lzf_is_refused(packed):
 )
 def test_broken_files_are_refused(data, reason):
     with pytest.raises(ObjectError) as caught:
-        read_pcd(data, Limits())
+        read_pcd(data, Limits(), {})
     assert caught.value.reason == reason

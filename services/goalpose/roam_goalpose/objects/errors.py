@@ -80,3 +80,13 @@ def malformed(format: str, detail: str) -> ObjectError:
         message=f"The content cannot be read as {format.upper()}: {detail.rstrip('.')}.",
         remedy="Open it in a 3D program, check that it looks right, and export it again; GLB is the safest choice.",
     )
+
+
+def out_of_memory() -> ObjectError:
+    """For a file whose reading needs more than a reader may use."""
+    return ObjectError(
+        "OBJECT_TOO_COMPLEX",
+        field="content",
+        message="Reading the file takes more memory than a reader may use.",
+        remedy="Simplify the mesh (in Blender: the Decimate modifier); 20,000 triangles are plenty.",
+    )

@@ -18,7 +18,7 @@ from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Self
 
-from roam_goalpose.objects.errors import ObjectError
+from roam_goalpose.objects.errors import ObjectError, out_of_memory
 from roam_goalpose.objects.limits import Limits, check_bytes
 from roam_goalpose.objects.placing.axes import check_up
 from roam_goalpose.objects.placing.units import check_size, check_unit
@@ -198,7 +198,10 @@ class _Reader:
             timer.cancel()
 
     def _explain(self) -> ObjectError:
-        """Why the pipe closed: the timer killed the process, or the kernel for its CPU time, or it broke."""
+        """Why the pipe closed: the timer killed the process, or the kernel for its CPU time, or it broke.
+
+        Its own faults it tells of; with code 1 it ends where a library gives up for want of memory (OpenBLAS exits).
+        """
         process = self._process
         assert process is not None
         self.kill()
@@ -209,6 +212,8 @@ class _Reader:
                 message=f"Reading the file takes longer than {self._limits.cpu_seconds:g} s.",
                 remedy="Simplify the mesh (in Blender: the Decimate modifier); 20,000 triangles are plenty.",
             )
+        if process.returncode == 1:
+            return out_of_memory()
         return _failed(f"it ended with code {process.returncode}")
 
 

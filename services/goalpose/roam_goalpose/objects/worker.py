@@ -15,7 +15,7 @@ import traceback
 from dataclasses import replace
 from typing import BinaryIO
 
-from roam_goalpose.objects.errors import ObjectError
+from roam_goalpose.objects.errors import ObjectError, out_of_memory
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.loading import load_shape
 from roam_goalpose.objects.readers.registry import find
@@ -34,8 +34,11 @@ def main() -> None:
         importlib.import_module(module)
     limit_process(memory_bytes=int(sys.argv[1]))
     write_frame(answers, READY, ())
-    while serve_one(requests, answers):
-        pass
+    try:
+        while serve_one(requests, answers):
+            pass
+    except MemoryError:  # before or after the reading: the request or the answer itself is too large
+        write_frame(answers, {"error": out_of_memory().to_dict()}, ())
 
 
 def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
@@ -49,17 +52,16 @@ def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
     fragile = find(head["format"]).fragile
     try:
         said = {name: head[name] for name in ("unit", "up", "size", "piece")}
-        shape = load_shape(parts[0], head["format"], **said, limits=limits)
+        packed, arrays = pack_shape(load_shape(parts[0], head["format"], **said, limits=limits))
     except ObjectError as error:
         write_frame(answers, {"error": error.to_dict()}, ())
         return not fragile
     except MemoryError:
-        write_frame(answers, {"error": _out_of_memory().to_dict()}, ())
+        write_frame(answers, {"error": out_of_memory().to_dict()}, ())
         return False  # what is left of the heap is not worth trusting
     except Exception:  # a fault of ours, not of the file: the parent logs it
         write_frame(answers, {"fault": traceback.format_exc()[-4000:]}, ())
         return False
-    packed, arrays = pack_shape(shape)
     write_frame(answers, {"shape": packed}, arrays)
     return not fragile
 
@@ -80,15 +82,6 @@ def limit_cpu(seconds: float) -> None:
     used = resource.getrusage(resource.RUSAGE_SELF)
     _, hard = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (int(used.ru_utime + used.ru_stime + seconds) + 1, hard))
-
-
-def _out_of_memory() -> ObjectError:
-    return ObjectError(
-        "OBJECT_TOO_COMPLEX",
-        field="content",
-        message="Reading the file takes more memory than a reader may use.",
-        remedy="Simplify the mesh (in Blender: the Decimate modifier); 20,000 triangles are plenty.",
-    )
 
 
 if __name__ == "__main__":
