@@ -1,6 +1,6 @@
 """Programs that open our files, where they are installed; a test that needs one that is not says so and is skipped.
 
-ROAM_NODE_MODULES: a folder with the npm packages gltf-validator, three, @pixiv/three-vrm and
+ROAM_TEST_NODE_MODULES: a folder with the npm packages gltf-validator, three, @pixiv/three-vrm and
 @pixiv/three-vrm-animation. ROAM_BLENDER: a `blender` program, or a Python that has bpy.
 """
 
@@ -36,14 +36,14 @@ def turning() -> Clip:
 @pytest.fixture(scope="session")
 def node(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
     """Runs a script of JavaScript with some npm packages; its last line of output as JSON."""
-    folder = os.environ.get("ROAM_NODE_MODULES", "")
+    folder = os.environ.get("ROAM_TEST_NODE_MODULES", "")
     program = shutil.which("node")
 
     def run(script: str, *arguments: str, needs: str) -> Any:
         if program is None:
             pytest.skip("node is not installed")
         if not (Path(folder) / needs).is_dir() or not folder:
-            pytest.skip(f"npm package {needs} is not in ROAM_NODE_MODULES")
+            pytest.skip(f"npm package {needs} is not in ROAM_TEST_NODE_MODULES")
         path = tmp_path_factory.mktemp("node") / "script.cjs"
         path.write_text(script)
         environment = {**os.environ, "NODE_PATH": folder}

@@ -77,12 +77,12 @@ console.log(JSON.stringify(places));
 
 
 def module(folder: Path, script: str, *arguments: str, needs: str) -> Any:
-    """Runs an ES module beside the npm packages of ROAM_NODE_MODULES; its last line of output as JSON."""
-    packages, program = os.environ.get("ROAM_NODE_MODULES", ""), shutil.which("node")
+    """Runs an ES module beside the npm packages of ROAM_TEST_NODE_MODULES; its last line of output as JSON."""
+    packages, program = os.environ.get("ROAM_TEST_NODE_MODULES", ""), shutil.which("node")
     if program is None:
         pytest.skip("node is not installed")
     if not packages or not (Path(packages) / needs).is_dir():
-        pytest.skip(f"npm package {needs} is not in ROAM_NODE_MODULES")
+        pytest.skip(f"npm package {needs} is not in ROAM_TEST_NODE_MODULES")
     (folder / "node_modules").symlink_to(packages)
     (folder / "script.mjs").write_text(script)
     done = subprocess.run(
