@@ -81,7 +81,7 @@ def test_e57(tmp_path):
 def test_the_same_through_the_process_that_may_not_write(tmp_path):
     for module in ("pxr", "ufbx", "pye57", "laspy"):
         pytest.importorskip(module)
-    with IsolatedLoader(limits=Limits(wall_seconds=60.0)) as loader:
+    with IsolatedLoader(limits=Limits(cpu_seconds=60.0, wall_seconds=120.0)) as loader:
         for data, format in ((usda(), "usd"), (usdz(), "usdz"), (dae(), "dae"), (threemf(), "3mf"), (fbx(), "fbx")):
             _is_the_chair(loader.load(data, format))
         for data, format in ((las(True), "las"), (e57(tmp_path), "e57")):

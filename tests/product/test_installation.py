@@ -29,7 +29,8 @@ def test_the_wheel_holds_weights_references_skeletons_limits_and_the_page(wheels
     }
     references = {f"roam_serving/data/references/{path.name}" for path in (ROOT / "examples/references").glob("*.json")}
     limits = {
-        f"roam_goalpose/energy/{path.name}" for path in ROOT.glob("services/goalpose/roam_goalpose/energy/*.json")
+        str(path.relative_to(ROOT / "services/goalpose"))
+        for path in ROOT.glob("services/goalpose/roam_goalpose/energy/**/*.json")
     }
     assert references
     assert limits

@@ -174,6 +174,6 @@ def test_a_server_that_cannot_read_its_keys_ends_with_a_sentence(tmp_path):
         f"serve([Echo()], ServerSettings(api_keys={json.dumps(str(tmp_path / 'none'))}))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "No such file" in done.stderr
     assert "Traceback" not in done.stderr

@@ -17,7 +17,7 @@ PREFIX = "ROAM_"
 OTHER_VARIABLES = frozenset(
     PREFIX + name
     for name in ("API_KEY", "DATA", "ENGINE_SCRIPTS", "FUZZ_EXAMPLES", "GRAFANA_PORT", "PORT", "PROMETHEUS_PORT")
-) | {"ROAM_TORCH_INDEX"}
+) | {"ROAM_BLENDER", "ROAM_TORCH_INDEX"}
 # What Kubernetes sets in every container for a Service that is called roam-something.
 _KUBERNETES = re.compile(r"_SERVICE_HOST=|_SERVICE_PORT(_\w+)?=|_PORT_\d+_(TCP|UDP)(_\w+)?=|_PORT=(tcp|udp)://")
 _SETTINGS_MODULES = ("roam_goalpose.settings", "roam_motion.settings")
