@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Self
@@ -162,6 +163,8 @@ class _Reader:
         if frame is None:
             raise self._explain()
         answer, parts = frame
+        if answer["last"]:  # it is about to end: nobody shall send it another file meanwhile
+            self.kill()
         if "fault" in answer:
             _log.error("reader failed: %s", answer["fault"])
             raise _failed("an error inside the reader")
@@ -204,6 +207,8 @@ class _Reader:
         """
         process = self._process
         assert process is not None
+        with suppress(subprocess.TimeoutExpired):  # one that ends by itself has a code of its own
+            process.wait(1.0)
         self.kill()
         if -process.returncode in (signal.SIGKILL, signal.SIGXCPU):
             return ObjectError(

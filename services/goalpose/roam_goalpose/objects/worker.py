@@ -38,7 +38,7 @@ def main() -> None:
         while serve_one(requests, answers):
             pass
     except MemoryError:  # before or after the reading: the request or the answer itself is too large
-        write_frame(answers, {"error": out_of_memory().to_dict()}, ())
+        write_frame(answers, {"error": out_of_memory().to_dict(), "last": True}, ())
 
 
 def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
@@ -54,15 +54,15 @@ def serve_one(requests: BinaryIO, answers: BinaryIO) -> bool:
         said = {name: head[name] for name in ("unit", "up", "size", "piece")}
         packed, arrays = pack_shape(load_shape(parts[0], head["format"], **said, limits=limits))
     except ObjectError as error:
-        write_frame(answers, {"error": error.to_dict()}, ())
+        write_frame(answers, {"error": error.to_dict(), "last": fragile}, ())
         return not fragile
     except MemoryError:
-        write_frame(answers, {"error": out_of_memory().to_dict()}, ())
+        write_frame(answers, {"error": out_of_memory().to_dict(), "last": True}, ())
         return False  # what is left of the heap is not worth trusting
     except Exception:  # a fault of ours, not of the file: the parent logs it
-        write_frame(answers, {"fault": traceback.format_exc()[-4000:]}, ())
+        write_frame(answers, {"fault": traceback.format_exc()[-4000:], "last": True}, ())
         return False
-    write_frame(answers, {"shape": packed}, arrays)
+    write_frame(answers, {"shape": packed, "last": fragile}, arrays)
     return not fragile
 
 
