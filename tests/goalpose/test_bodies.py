@@ -65,3 +65,28 @@ def test_lacking_bones_are_named():
     bones = tuple("" if bone == "leftHand" else bone for bone in skeleton.humanoid_bones)
     with pytest.raises(ValueError, match="leftHand"):
         check_bones(replace(skeleton, humanoid_bones=bones))
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-3, 10.0, 100.0, 300.0, 1e6])
+def test_a_skeleton_in_another_unit_is_refused_and_the_unit_named(scale):
+    skeleton = humanoid_skeleton()
+    offsets = (skeleton.rest_offsets * scale).astype(np.float32)
+    with pytest.raises(ValueError, match="metres"):
+        check_bones(replace(skeleton, rest_offsets=offsets, tips=()))
+
+
+@pytest.mark.parametrize("scale", [0.3, 1.0, 2.5])
+def test_small_and_large_bodies_are_taken(scale):
+    skeleton = humanoid_skeleton()
+    check_bones(replace(skeleton, rest_offsets=(skeleton.rest_offsets * scale).astype(np.float32), tips=()))
+
+
+def test_a_limb_without_length_and_a_tip_far_away_are_refused():
+    skeleton = humanoid_skeleton()
+    offsets = skeleton.rest_offsets.copy()
+    offsets[skeleton.index("leftFoot")] = 0.0
+    with pytest.raises(ValueError, match="no length"):
+        check_bones(replace(skeleton, rest_offsets=offsets))
+    far = replace(skeleton.tips[0], offset=(0.0, 40.0, 0.0))
+    with pytest.raises(ValueError, match="40 m"):
+        check_bones(replace(skeleton, tips=(far,)))

@@ -89,6 +89,8 @@ def _posture(message: skeleton_pb2.Pose) -> tuple[NDArray[np.float32], NDArray[n
 def skeleton_from_message(message: skeleton_pb2.Skeleton) -> Skeleton:
     """A skeleton of the caller's own. Raises ValueError when its parts do not fit or its rest is turned."""
     count = len(message.joint_names)
+    if not count:
+        raise ValueError("it has no joints")
     if count > MOST_JOINTS:
         raise ValueError(f"{count} joints; at most {MOST_JOINTS}, fingers are not posed")
     rotations = unpack_float32(message.rest_rotations, (-1, 4))

@@ -18,6 +18,9 @@ from roam_goalpose.references.model import figure_of, height_above_surface
 from roam_goalpose.references.pairs import ReferencePair
 
 NEEDED = tuple(humanoid_skeleton().humanoid_bones)
+_LEGS = 0.1, 3.0  # [m] thigh and shin together: toys and giants; people have 0.4 (a child of 1 m) to 1.1
+_SHORTEST = 0.05  # of the legs, of an upper or lower arm or leg
+_SIDES = ("left", "right")
 GROUNDED = 0.12  # [m] an ankle lower than this above the floor stands on it
 
 
@@ -40,12 +43,28 @@ def fitted(pair: ReferencePair, skeleton: Skeleton) -> ReferencePair:
 
 
 def check_bones(skeleton: Skeleton) -> None:
-    """Raises ValueError, naming them, when a skeleton lacks bones that poses are made of."""
+    """Raises ValueError, naming them, when a skeleton lacks bones that poses are made of, or nobody has such bones."""
     missing = [bone for bone in NEEDED if bone not in skeleton.humanoid_bones]
     if missing:
         raise ValueError(f"humanoid_bones lacks {', '.join(missing)}")
     if skeleton.humanoid_bones[0] != "hips":
         raise ValueError("joint 0 must be the hips")
+    legs = [_length(skeleton, f"{side}{bone}") for side in _SIDES for bone in ("LowerLeg", "Foot")]
+    leg = sum(legs) / 2
+    if not _LEGS[0] <= leg <= _LEGS[1]:
+        advice = "divide them by 100 if they are centimetres, by 1000 if they are millimetres"
+        raise ValueError(f"its legs are {leg:g} m long; rest_offsets are in metres: {advice}")
+    limbs = [*legs, *(_length(skeleton, f"{side}{bone}") for side in _SIDES for bone in ("LowerArm", "Hand"))]
+    if min(limbs) < _SHORTEST * leg:
+        raise ValueError("an upper or lower arm or leg has no length: its joint lies on its parent")
+    farthest = max(np.linalg.norm([*skeleton.rest_offsets[1:], *(tip.offset for tip in skeleton.tips)], axis=-1))
+    if farthest > _LEGS[1]:
+        raise ValueError(f"a bone or tip is {farthest:g} m long; rest_offsets and tips are in metres")
+
+
+def _length(skeleton: Skeleton, bone: str) -> float:
+    """Of the way from a bone's parent joint to its own [m]."""
+    return float(np.linalg.norm(skeleton.rest_offsets[skeleton.humanoid_bones.index(bone)]))
 
 
 def _hips(pair: ReferencePair, skeleton: Skeleton) -> np.ndarray:
