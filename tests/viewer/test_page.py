@@ -20,9 +20,11 @@ def wait(page: Any, condition: str) -> None:
 
 
 def restart(page: Any) -> None:
-    """The character is at its start and has begun to walk."""
-    wait(page, "() => !document.getElementById('restart').disabled")
+    """A session of its own, whose character is at its start and has begun to walk."""
+    wait(page, "() => !document.getElementById('restart').disabled && window.roam.session")
+    before = page.evaluate("() => window.roam.session")
     page.click("#restart")
+    wait(page, f"() => window.roam.session && window.roam.session !== '{before}'")
     wait(page, "() => window.roam.frames > 3 && window.roam.frames < 60 && window.roam.goalDistance > 1.5")
 
 

@@ -143,11 +143,14 @@ async function beginSession() {
 }
 
 async function endSession() {
+  const ended = session;
   stream?.close();
-  if (session) await services.deleteSession(session.name);
+  // Before anything is waited for: a key pressed meanwhile must not go to a session that is on its way out.
   stream = session = undefined;
   steering.stop();
   stage.showMarker(null);
+  enableButtons();
+  if (ended) await services.deleteSession(ended.name);
 }
 
 function receiveFrame(frame) {
@@ -325,6 +328,7 @@ async function begin() {
 // What the screenshot test asks: it compares the picture with and without the character.
 window.roam = {
   get phase() { return phase; },
+  get session() { return stream && session.name; },
   get frames() { return playback.newest?.sequence ?? 0; },
   get action() { return playback.newest?.action ?? 0; },
   get goalDistance() { return distanceToGoal(); },
