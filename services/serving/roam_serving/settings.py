@@ -53,6 +53,11 @@ class ServerSettings(BaseSettings):
     )
     requests_per_second: float = Field(0.0, ge=0, description="requests of one API key or address; 0: no limit")
     request_burst: int = Field(20, ge=1, description="requests that may come at once before the rate counts")
+    rate_store: str = Field(
+        "",
+        pattern=r"^((redis|rediss|unix)://.+)?$",
+        description="redis://… where several replicas count these together; empty: each counts on its own",
+    )
     allow_insecure: bool = Field(False, description="listen beyond this machine without TLS")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level that is logged")
     log_format: Literal["json", "console"] = Field("json", description="one JSON object a line, or text for people")
