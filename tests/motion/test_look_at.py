@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from roam.v1 import motion_pb2
 from roam_character.skeleton import humanoid_skeleton
-from roam_client.controls import steer
+from roam_client.sessions.controls import steer
 from roam_motion.api.messages import control_request
 from roam_motion.api.schemas import ControlJson
 from roam_motion.control.intent import Idle, Steer

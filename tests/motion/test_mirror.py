@@ -10,12 +10,19 @@ from roam_motion.actions import SIT
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import DIRECTION, PHASE, PLACE
 from roam_motion.models.lnsm.features import Inputs, encode, encode_targets
-from roam_motion.training.dataset import build
-from roam_motion.training.episodes import locomotion
-from roam_motion.training.loop import Memory, TrainingConfig, column_weights, fit_normaliser, learn, make_learner
-from roam_motion.training.mirror import mirror_of
-from roam_motion.training.recordings import Recording
-from roam_motion.training.rollout import Rollout
+from roam_motion.training.data.dataset import build
+from roam_motion.training.data.episodes import locomotion
+from roam_motion.training.data.recordings import Recording
+from roam_motion.training.learning.loop import (
+    Memory,
+    TrainingConfig,
+    column_weights,
+    fit_normaliser,
+    learn,
+    make_learner,
+)
+from roam_motion.training.learning.mirror import mirror_of
+from roam_motion.training.learning.rollout import Rollout
 from standing import goals_at, seated_pose
 
 FIGURE = humanoid_figure()

@@ -6,7 +6,7 @@ from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import Characters, phase_vector
 from roam_motion.models.lnsm.config import WHOLE, NetworkConfig, Parts, network_config
 from roam_motion.models.lnsm.features import Inputs, columns, encode, output_widths
-from roam_motion.training.loop import TrainingConfig, column_weights, make_learner
+from roam_motion.training.learning.loop import TrainingConfig, column_weights, make_learner
 from standing import goals_at, random_animator, seated_pose
 
 FIGURE = humanoid_figure()

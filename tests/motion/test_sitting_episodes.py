@@ -8,11 +8,11 @@ from roam_character.rotation import yaw_direction
 from roam_character.skeleton import humanoid_skeleton
 from roam_motion.actions import SIT
 from roam_motion.animation.figure import humanoid_figure
-from roam_motion.training import labels
-from roam_motion.training.centre_of_mass import ahead_of_rear_ankle, centre_of_mass, lean
-from roam_motion.training.goals import Bank, Key
-from roam_motion.training.recordings import Recording, Span
-from roam_motion.training.sitting import like_people, passages, sitting
+from roam_motion.training.data import labels
+from roam_motion.training.data.centre_of_mass import ahead_of_rear_ankle, centre_of_mass, lean
+from roam_motion.training.data.goals import Bank, Key
+from roam_motion.training.data.recordings import Recording, Span
+from roam_motion.training.data.sitting import like_people, passages, sitting
 from standing import seated_pose
 
 SKELETON, FIGURE = humanoid_skeleton(), humanoid_figure()

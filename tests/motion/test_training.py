@@ -11,13 +11,14 @@ from roam_character.skeleton import humanoid_skeleton
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
 from roam_motion.models.lnsm.features import encode_targets
-from roam_motion.training import labels, motion, publish
-from roam_motion.training.dataset import build
-from roam_motion.training.episodes import locomotion
-from roam_motion.training.expert import returning
-from roam_motion.training.goals import Key, ankles, sitting_goal
-from roam_motion.training.library import LibraryConfig, load_library
-from roam_motion.training.recordings import Recording, Span, read_folder
+from roam_motion.training import motion, publish
+from roam_motion.training.data import labels
+from roam_motion.training.data.dataset import build
+from roam_motion.training.data.episodes import locomotion
+from roam_motion.training.data.goals import Key, ankles, sitting_goal
+from roam_motion.training.data.library import LibraryConfig, load_library
+from roam_motion.training.data.recordings import Recording, Span, read_folder
+from roam_motion.training.learning.expert import returning
 from standing import seated_pose
 
 FIGURE = humanoid_figure()
@@ -101,8 +102,8 @@ def test_the_expert_asks_for_the_data_when_on_the_track_and_returns_to_it_when_o
 
 
 def test_training_runs_stops_and_resumes(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("roam_motion.training.validation._CHARACTERS", 2)
-    monkeypatch.setattr("roam_motion.training.validation._FRAMES", 4)
+    monkeypatch.setattr("roam_motion.training.learning.validation._CHARACTERS", 2)
+    monkeypatch.setattr("roam_motion.training.learning.validation._FRAMES", 4)
     common = ["--bvh", str(folder), "--out", str(tmp_path / "run"), "--cache", str(tmp_path / "cache")]
     small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]
     assert motion.main([*common, *small, "--minutes", "0.02", "--export", str(tmp_path / "w.safetensors")]) == 0
@@ -125,10 +126,10 @@ def test_the_library_is_cached(folder, tmp_path):
 
 
 def test_training_judges_checkpoints_on_approaches_too(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("roam_motion.training.validation._CHARACTERS", 2)
-    monkeypatch.setattr("roam_motion.training.validation._FRAMES", 4)
-    monkeypatch.setattr("roam_motion.training.approaches._FRAMES", 12)
-    monkeypatch.setattr("roam_motion.training.approaches._LEAVING", 8)
+    monkeypatch.setattr("roam_motion.training.learning.validation._CHARACTERS", 2)
+    monkeypatch.setattr("roam_motion.training.learning.validation._FRAMES", 4)
+    monkeypatch.setattr("roam_motion.training.learning.approaches._FRAMES", 12)
+    monkeypatch.setattr("roam_motion.training.learning.approaches._LEAVING", 8)
     small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]
     common = ["--bvh", str(folder), "--out", str(tmp_path / "run"), "--cache", str(tmp_path / "cache")]
     assert motion.main([*common, *small, "--minutes", "0.01"]) == 0
@@ -161,10 +162,10 @@ def test_twisted_and_displaced_feet_are_asked_to_step_the_worse_one_first():
 
 @pytest.mark.parametrize(("folders_name", "file"), [("clips", "motion"), ("hdm05_clips", "motion-cc-by-sa")])
 def test_weights_are_published_in_a_file_of_their_licence(folder, folders_name, file, tmp_path, monkeypatch):
-    monkeypatch.setattr("roam_motion.training.validation._CHARACTERS", 2)
-    monkeypatch.setattr("roam_motion.training.validation._FRAMES", 4)
-    monkeypatch.setattr("roam_motion.training.approaches._FRAMES", 12)
-    monkeypatch.setattr("roam_motion.training.approaches._LEAVING", 8)
+    monkeypatch.setattr("roam_motion.training.learning.validation._CHARACTERS", 2)
+    monkeypatch.setattr("roam_motion.training.learning.validation._FRAMES", 4)
+    monkeypatch.setattr("roam_motion.training.learning.approaches._FRAMES", 12)
+    monkeypatch.setattr("roam_motion.training.learning.approaches._LEAVING", 8)
     clips = folder.rename(tmp_path / folders_name)
     run, cache, weights = tmp_path / "run", ["--cache", str(tmp_path / "cache")], tmp_path / "weights"
     small = ["--batch", "8", "--rollouts", "8", "--hidden", "16", "--encoding", "16", "--experts", "2"]

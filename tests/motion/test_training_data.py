@@ -10,12 +10,12 @@ from roam_character.skeleton import humanoid_skeleton
 from roam_motion.actions import STYLES
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.training import motion
-from roam_motion.training.balance import GOING, TAKING, balanced, kinds_of_going
-from roam_motion.training.dataset import build
-from roam_motion.training.episodes import locomotion
-from roam_motion.training.library import LibraryConfig, held_out_names, is_held_out, load_library
-from roam_motion.training.licences import APACHE, SHARE_ALIKE, LicenceError, licence_of, share_alike
-from roam_motion.training.recordings import Recording, read_folder
+from roam_motion.training.data.balance import GOING, TAKING, balanced, kinds_of_going
+from roam_motion.training.data.dataset import build
+from roam_motion.training.data.episodes import locomotion
+from roam_motion.training.data.library import LibraryConfig, held_out_names, is_held_out, load_library
+from roam_motion.training.data.licences import APACHE, SHARE_ALIKE, LicenceError, licence_of, share_alike
+from roam_motion.training.data.recordings import Recording, read_folder
 
 FIGURE, SKELETON = humanoid_figure(), humanoid_skeleton()
 
