@@ -12,7 +12,7 @@ from roam_goalpose.references.pairs import ACTIONS as NAMES
 from roam_goalpose.references.pairs import load_references
 from roam_goalpose.synthesis import SynthesizerSettings
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 REFERENCES = SynthesizerSettings().references
 
 

@@ -7,7 +7,7 @@ from roam_motion.animation.state import shapes_of
 from roam_motion.animator import Animator, CharacterState, Goal, Idle, Steer
 from standing import random_animator, seated_pose
 
-WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
+WEIGHTS = Path(__file__).parents[3] / "weights" / "motion.safetensors"
 INTENTS = [
     Idle(),
     Steer(np.array([0.5, 0.5])),

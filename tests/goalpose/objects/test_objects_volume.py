@@ -9,7 +9,7 @@ from roam_character.volume import STEP, Volume
 from roam_goalpose.objects import load_shape
 from roam_goalpose.objects.volume import shape_volume
 
-EXAMPLES = Path(__file__).parents[2] / "examples" / "objects"
+EXAMPLES = Path(__file__).parents[3] / "examples" / "objects"
 
 
 @pytest.mark.parametrize("name", ["chair", "sofa"])

@@ -16,7 +16,7 @@ from roam_motion.control.actions import footing, seat_of
 from roam_motion.control.seat import resting
 from standing import goals_at, random_animator, seated_pose
 
-WEIGHTS = Path(__file__).parents[2] / "weights" / "motion.safetensors"
+WEIGHTS = Path(__file__).parents[3] / "weights" / "motion.safetensors"
 FIGURE = humanoid_figure()
 FEET = FIGURE.contacts
 ANKLES = FEET[[0, 2]]

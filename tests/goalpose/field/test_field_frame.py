@@ -9,7 +9,7 @@ from roam_goalpose.field import Field, estimate_frame
 from roam_goalpose.furniture import generate
 from scipy.spatial.transform import Rotation
 
-WEIGHTS = Path(__file__).parents[2] / "weights" / "field.safetensors"
+WEIGHTS = Path(__file__).parents[3] / "weights" / "field.safetensors"
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from roam_goalpose.solvers.progress import Cancelled
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer
 from solving import pair
 
-WEIGHTS = Path(__file__).parents[2] / "weights" / "field.safetensors"
+WEIGHTS = Path(__file__).parents[3] / "weights" / "field.safetensors"
 FURNITURE = ("chair_sit", "office_sit", "stool_sit")
 
 

@@ -10,7 +10,7 @@ from roam_goalpose.furniture import generate
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-WEIGHTS = Path(__file__).parents[2] / "weights" / "field.safetensors"
+WEIGHTS = Path(__file__).parents[3] / "weights" / "field.safetensors"
 
 
 @pytest.fixture(scope="module")
