@@ -13,7 +13,7 @@ from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 from roam_serving.rates import RateLimiter, refusal
 
 log = get_log("serving.rates")
