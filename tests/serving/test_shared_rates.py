@@ -20,15 +20,15 @@ def replicas(server):
 
 async def taken(replicas, caller, times):
     """How often the replicas in turn let a caller in."""
-    let_in = 0
+    refusals = []
     for number in range(times):
         try:
             await replicas[number % len(replicas)].take(caller)
-            let_in += 1
         except ServiceError as error:
-            assert error.kind.reason == "RATE_LIMITED"
-            assert error.retry_after > 0
-    return let_in
+            refusals.append(error)
+    assert {error.kind.reason for error in refusals} <= {"RATE_LIMITED"}
+    assert all(error.retry_after > 0 for error in refusals)
+    return times - len(refusals)
 
 
 async def test_requests_count_whichever_replica_they_reach(replicas):

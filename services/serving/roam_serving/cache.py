@@ -43,8 +43,8 @@ class RecentCache(Generic[K, V]):
 class OwnedCache(Generic[K, V]):
     """At most `size` entries of all owners together; nobody sees another owner's.
 
-    Beyond the size, whoever has most entries loses the one that was used least recently: nobody can push out what others
-    keep by bringing much of their own.
+    Beyond the size, whoever has most entries loses the one that was used least recently: nobody can push out what
+    others keep by bringing much of their own.
     """
 
     def __init__(self, size: int) -> None:
