@@ -89,7 +89,8 @@ async def soak(server: ServerProcess, minutes: float, sessions: int, life: float
         while time.monotonic() < end:
             number = next(numbers)
             seconds = float(np.random.default_rng(number).uniform(0.5, 1.5)) * life
-            totals["frames"] += await live(stub, number, min(seconds, max(1.0, end - time.monotonic())), goal)
+            frames = await live(stub, number, min(seconds, max(1.0, end - time.monotonic())), goal)
+            totals["frames"] += frames
             totals["characters"] += 1
 
     async def sample() -> None:

@@ -1,8 +1,8 @@
-"""Streams that say nothing, through the real gateway with the project's own configuration: nobody is thrown off for pings.
+"""Streams that say nothing, through the real gateway with the project's own configuration: no ping ends them.
 
-A paused session sends no frame; the gateway pings the replica every 2 s all the while, and a server that takes that for too
-often ends the connection at the third or fourth ping. `ROAM_TEST_SILENCE=60` makes the silence longer and adds the test of
-frozen readers, which takes the half minute after which one is noticed.
+A paused session sends no frame; the gateway pings the replica every 2 s all the while, and a server that takes that for
+too often ends the connection at the third or fourth ping. `ROAM_TEST_SILENCE=60` makes the silence longer and adds the
+test of frozen readers, which takes the half minute after which one is noticed.
 """
 
 import asyncio

@@ -215,9 +215,8 @@ class _WorkerLink:
         states = list(map(_state, answer.rows, answer.controls.tolist(), seats))
         self._states.adopt(states, made)
         # Copies: rows would each keep the arrays of all characters, for as long as the slowest of them keeps its frame.
-        rows = ((row.copy() for row in rows) for rows in zip(*answer.frames, strict=True))
-        told = zip(rows, answer.actions, answer.gaps, strict=True)
-        frames = (FrameData(*arrays, action, gap) for arrays, action, gap in told)
+        columns = ([row.copy() for row in rows] for rows in answer.frames)
+        frames = map(FrameData, *columns, answer.actions, answer.gaps)
         pairs = zip(states, frames, strict=True)
         results: list[list[Result]] = [list(islice(pairs, count)) for count in answer.counts]
         for character, error in answer.errors.items():
