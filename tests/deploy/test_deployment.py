@@ -1,15 +1,19 @@
 """What deploy/ describes is valid, and speaks of things that exist."""
 
+import hashlib
 import importlib.util
 import json
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from roam_goalpose.service.application import GoalPoseApplication
 from roam_goalpose.settings import GoalPoseSettings
 from roam_motion.session.stream import StreamMetrics
@@ -53,6 +57,56 @@ def test_the_kustomization_names_every_manifest():
         assert all((DEPLOY / file).exists() for file in files["files"])
 
 
+def test_images_install_pinned_files_only():
+    """Every requirement at the version of pins.txt and with hashes; all that the services ask for is there."""
+    text = (ROOT / "requirements/images.txt").read_text()
+    entries = [entry for entry in re.split(r"^(?=\S)", text, flags=re.MULTILINE) if not entry.startswith("#")]
+    pins = dict(line.split("==") for line in (ROOT / "requirements/pins.txt").read_text().split() if "==" in line)
+    pins = {canonicalize_name(name): version for name, version in pins.items()}
+    found = {}
+    for entry in filter(None, entries):
+        name, version = re.match(r"([\w.-]+)(?:\[[^]]*\])?==([^ ;\\]+)", entry).groups()
+        assert "--hash=sha256:" in entry, name
+        found[canonicalize_name(name)] = version
+    differ = {name: (version, pins[name]) for name, version in found.items() if pins.get(name, version) != version}
+    assert not differ
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = [*project["dependencies"], *project["optional-dependencies"]["formats"], "hatchling", "editables"]
+    assert {canonicalize_name(Requirement(one).name) for one in asked} - set(found) == {"torch"}
+
+
+def test_the_digests_of_all_images_can_be_pinned(tmp_path):
+    for name in ("docker-compose.yml", "scripts/pin-images"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    (tmp_path / "bin").mkdir()
+    docker = tmp_path / "bin/docker"
+    docker.write_text('#!/bin/sh\necho "sha256:$(printf %s "$4" | sha256sum | cut -d" " -f1)"\n')
+    docker.chmod(0o755)
+    (tmp_path / ".env").write_text("ROAM_PORT=9000\nREDIS_IMAGE=old\n")
+    environment = {"PATH": f"{tmp_path / 'bin'}:/usr/bin:/bin"}
+    subprocess.run(["sh", str(tmp_path / "scripts/pin-images")], env=environment, check=True, timeout=60)
+    lines = (tmp_path / ".env").read_text().splitlines()
+    assert lines[0] == "ROAM_PORT=9000"
+    digest = hashlib.sha256(b"redis:7-alpine").hexdigest()
+    assert f"REDIS_IMAGE=redis:7-alpine@sha256:{digest}" in lines
+    names = {line.partition("=")[0] for line in lines[1:]}
+    assert names == {"ENVOY_IMAGE", "GRAFANA_IMAGE", "PROMETHEUS_IMAGE", "PYTHON_IMAGE", "REDIS_IMAGE"}
+
+
+def test_redis_asks_for_a_password_and_pods_connect_nowhere_else():
+    assert "--requirepass" in COMPOSE["services"]["redis"]["command"]
+    assert "ROAM_REDIS_PASSWORD" in COMPOSE["services"]["motion"]["environment"]["ROAM_SESSION_STORE"]
+    manifests = [manifest for path in MANIFESTS for manifest in yaml.safe_load_all(path.read_text())]
+    named = {(manifest["kind"], manifest["metadata"]["name"]): manifest for manifest in manifests}
+    (redis,) = named["Deployment", "redis"]["spec"]["template"]["spec"]["containers"]
+    assert "--requirepass" in redis["args"]
+    assert redis["env"][0]["valueFrom"]["secretKeyRef"] == {"name": "redis", "key": "password"}
+    everyone = named["NetworkPolicy", "egress-names"]["spec"]
+    assert (everyone["podSelector"], everyone["policyTypes"]) == ({}, ["Egress"])
+    assert ("PodDisruptionBudget", "goalpose") in named
+
+
 def environments():
     """Every ROAM_… variable that compose or Kubernetes sets for a service, by service."""
     for name, service in COMPOSE["services"].items():
@@ -61,7 +115,8 @@ def environments():
         for manifest in yaml.safe_load_all(path.read_text()):
             if manifest["kind"] == "Deployment":
                 for container in manifest["spec"]["template"]["spec"]["containers"]:
-                    yield from ((container["name"], item["name"]) for item in container.get("env", ()))
+                    names = (item["name"] for item in container.get("env", ()))
+                    yield from ((container["name"], name) for name in names if name.startswith("ROAM_"))
 
 
 @pytest.mark.parametrize(("service", "variable"), sorted(set(environments())))

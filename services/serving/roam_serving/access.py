@@ -14,6 +14,7 @@ from roam_serving.keys import KeyRing
 from roam_serving.monitoring.logs import remember
 from roam_serving.rates import RateLimiter
 from roam_serving.settings import ServerSettings
+from roam_serving.shared_rates import SharedRateLimiter
 
 CALLER: ContextVar[str] = ContextVar("roam_caller", default="")  # of the request: its key's name, else its address
 OWNER: ContextVar[str] = ContextVar("roam_owner", default="")  # the key's name; "" where no keys are asked: all share
@@ -29,7 +30,7 @@ _KEY_PROTOCOL = "roam.key."
 class Access:
     """Admits requests by key and rate; without keys the caller's address counts."""
 
-    def __init__(self, keys: KeyRing | None, rates: RateLimiter | None) -> None:
+    def __init__(self, keys: KeyRing | None, rates: RateLimiter | SharedRateLimiter | None) -> None:
         self._keys = keys
         self._rates = rates
 
@@ -37,10 +38,17 @@ class Access:
     def of(cls, settings: ServerSettings) -> "Access":
         """As the settings say. SettingsError or OSError when the file of keys is not one."""
         keys = KeyRing.read(Path(settings.api_keys)) if settings.api_keys else None
-        rate = settings.requests_per_second
-        return cls(keys, RateLimiter(rate, settings.request_burst) if rate else None)
+        rate, burst, store = settings.requests_per_second, settings.request_burst, settings.rate_store
+        if not rate:
+            return cls(keys, None)
+        return cls(keys, SharedRateLimiter.at(store, rate, burst) if store else RateLimiter(rate, burst))
 
-    def admit(self, authorization: str, address: str) -> None:
+    async def close(self) -> None:
+        """Lets go of what counts the rates."""
+        if isinstance(self._rates, SharedRateLimiter):
+            await self._rates.close()
+
+    async def admit(self, authorization: str, address: str) -> None:
         """Lets a request in and remembers its caller; API_KEY_MISSING, API_KEY_UNKNOWN or RATE_LIMITED otherwise."""
         caller = address
         if self._keys is not None:
@@ -53,15 +61,17 @@ class Access:
             caller = name
             OWNER.set(name)
             remember(caller=caller)
-        if self._rates is not None:
+        if isinstance(self._rates, SharedRateLimiter):
+            await self._rates.take(caller)
+        elif self._rates is not None:
             self._rates.take(caller)
         CALLER.set(caller)
 
-    def admit_call(self, method: str, metadata: Iterable[tuple[str, str | bytes]], peer: str) -> None:
+    async def admit_call(self, method: str, metadata: Iterable[tuple[str, str | bytes]], peer: str) -> None:
         """The same for a gRPC method; health checks and reflection are open."""
         if not method.startswith(_OPEN_METHODS):
             authorization = next((str(value) for key, value in metadata if key == "authorization"), "")
-            self.admit(authorization, peer.rpartition(":")[0])
+            await self.admit(authorization, peer.rpartition(":")[0])
 
 
 class AccessControl:
@@ -77,7 +87,7 @@ class AccessControl:
             return
         try:
             if scope["method"] != "OPTIONS" and not scope["path"].startswith(_OPEN_PATHS):
-                self.access.admit(Headers(scope=scope).get("authorization", ""), _address(scope))
+                await self.access.admit(Headers(scope=scope).get("authorization", ""), _address(scope))
         except ServiceError as error:
             await problem_response(error)(scope, receive, send)
             return
@@ -94,7 +104,7 @@ class AccessControl:
 
         try:
             authorization = f"Bearer {key}" if key else Headers(scope=scope).get("authorization", "")
-            self.access.admit(authorization, _address(scope))
+            await self.access.admit(authorization, _address(scope))
         except ServiceError as error:
             await receive()  # the close reason reaches the client only on an accepted connection
             await chosen({"type": "websocket.accept"})

@@ -16,6 +16,11 @@ class _Bucket:
     filled_at: float  # [s]
 
 
+def refusal(rate: float, wait: float) -> ServiceError:
+    """RATE_LIMITED at so many requests a second [1/s], to be tried again after `wait` [s]."""
+    return ServiceError(RATE_LIMITED, f"{rate:g} requests a second are allowed", retry_after=round(wait, 2))
+
+
 class RateLimiter:
     """At most `burst` requests at once and `rate` a second [1/s] in the long run, for every caller on its own."""
 
@@ -35,7 +40,5 @@ class RateLimiter:
         bucket.tokens = min(self._burst, bucket.tokens + (now - bucket.filled_at) * self._rate)
         bucket.filled_at = now
         if bucket.tokens < 1:
-            wait = (1 - bucket.tokens) / self._rate
-            detail = f"{self._rate:g} requests a second are allowed"
-            raise ServiceError(RATE_LIMITED, detail, retry_after=round(wait, 2))
+            raise refusal(self._rate, (1 - bucket.tokens) / self._rate)
         bucket.tokens -= 1

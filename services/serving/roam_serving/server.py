@@ -131,6 +131,7 @@ class Server:
             await asyncio.wait(pending, timeout=1)
         for service in self.services:
             await service.close()
+        await self._access.close()
         await asyncio.to_thread(self._tracing.close)
         log.info("closed")
 

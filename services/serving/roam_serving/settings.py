@@ -16,7 +16,16 @@ PREFIX = "ROAM_"
 # Variables of this name that are no settings of a server: of the client, the scripts, compose and the tests.
 OTHER_VARIABLES = frozenset(
     PREFIX + name
-    for name in ("API_KEY", "DATA", "ENGINE_SCRIPTS", "FUZZ_EXAMPLES", "GRAFANA_PORT", "PORT", "PROMETHEUS_PORT")
+    for name in (
+        "API_KEY",
+        "DATA",
+        "ENGINE_SCRIPTS",
+        "FUZZ_EXAMPLES",
+        "GRAFANA_PORT",
+        "PORT",
+        "PROMETHEUS_PORT",
+        "REDIS_PASSWORD",
+    )
 ) | {"ROAM_BLENDER", "ROAM_TORCH_INDEX"}
 # What Kubernetes sets in every container for a Service that is called roam-something.
 _KUBERNETES = re.compile(r"_SERVICE_HOST=|_SERVICE_PORT(_\w+)?=|_PORT_\d+_(TCP|UDP)(_\w+)?=|_PORT=(tcp|udp)://")
@@ -53,6 +62,11 @@ class ServerSettings(BaseSettings):
     )
     requests_per_second: float = Field(0.0, ge=0, description="requests of one API key or address; 0: no limit")
     request_burst: int = Field(20, ge=1, description="requests that may come at once before the rate counts")
+    rate_store: str = Field(
+        "",
+        pattern=r"^((redis|rediss|unix)://.+)?$",
+        description="redis://… where several replicas count these together; empty: each counts on its own",
+    )
     allow_insecure: bool = Field(False, description="listen beyond this machine without TLS")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level that is logged")
     log_format: Literal["json", "console"] = Field("json", description="one JSON object a line, or text for people")

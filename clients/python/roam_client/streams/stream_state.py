@@ -7,6 +7,7 @@ control from the caller ─────────► control(input)   message 
 connection broke ────────────────► opening()        again: continues after the last frame received
 """
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -26,6 +27,7 @@ _PACINGS = {"realtime": REALTIME, "credit": CREDIT, "burst": BURST}
 _SILENCE = 2.0  # [s] without a message after which a REALTIME stream goes on elsewhere
 _LONGEST_SILENCE = 32.0  # [s]
 _FRAMES_PER_ACK = 4  # well below any server's ack_window
+_TOLD = 1024  # controls whose application was told; servers remember as many
 
 Item = Header | Frame | Event
 
@@ -76,6 +78,7 @@ class StreamState:
     _stream: str = ""
     _acknowledged: int = 0
     _unconfirmed: dict[int, motion_pb2.ControlInput] = field(default_factory=dict)
+    _told: OrderedDict[int, None] = field(default_factory=OrderedDict)  # controls told as applied, oldest first
 
     @property
     def patience(self) -> float | None:
@@ -109,7 +112,7 @@ class StreamState:
         return motion_pb2.AnimateRequest(control=numbered)
 
     def receive(self, message: motion_pb2.AnimateResponse) -> Item | None:
-        """Decodes one message; None for one that is newer than this client, or a frame seen before."""
+        """Decodes one message; None for one that is newer than this client, or that tells what was told before."""
         match message.WhichOneof("message"):
             case "header":
                 return self._receive_header(message.header)
@@ -143,12 +146,23 @@ class StreamState:
             self._acknowledge_frame()
         return Frame.from_message(message, self.header)
 
-    def _receive_event(self, message: motion_pb2.SessionEvent) -> Event:
+    def _receive_event(self, message: motion_pb2.SessionEvent) -> Event | None:
         event = Event.from_message(message)
-        if event.type is EventType.CONTROL_APPLIED:
-            self._unconfirmed.pop(event.control_id, None)
+        if event.type is EventType.CONTROL_APPLIED and not self._first_told(event.control_id):
+            return None
         self.ended = self.ended or event.type is EventType.SESSION_ENDED
         return event
+
+    def _first_told(self, control_id: int) -> bool:
+        """Whether a control is told as applied for the first time: after a takeover the next replica tells it again,
+        because it cannot know whether the one before did."""
+        self._unconfirmed.pop(control_id, None)
+        if control_id in self._told:
+            return False
+        self._told[control_id] = None
+        while len(self._told) > _TOLD:
+            self._told.popitem(last=False)
+        return True
 
     def _acknowledge_frame(self) -> None:
         """Every frame that was paid for; now and then in real time, which keeps the server's window as open."""

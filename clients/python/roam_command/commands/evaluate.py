@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load|soak`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -28,6 +28,11 @@ def throughput(context: typer.Context) -> None:
 def load(context: typer.Context) -> None:
     """How many characters a motion server carries, and how evenly their frames come (`--help` lists its options)."""
     delegate("roam_evaluation.service.load", context.args, name="roam evaluate load")
+
+
+def soak(context: typer.Context) -> None:
+    """Whether a motion server's memory levels off while characters come and go (`--help` lists its options)."""
+    delegate("roam_evaluation.service.soak", context.args, name="roam evaluate soak")
 
 
 def rigs(context: typer.Context) -> None:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from prometheus_client import CollectorRegistry, Counter, Histogram
 from roam_character.pose import Pose
 from roam_character.skeleton import Skeleton
-from roam_serving.cache import RecentCache
+from roam_serving.access import OWNER
+from roam_serving.cache import OwnedCache, RecentCache
 from roam_serving.compute import ComputeQueue
 from roam_serving.endpoints.skeletons import SKELETON_NOT_FOUND
 from roam_serving.errors import CANCELLED, INVALID_ARGUMENT, PAYLOAD_TOO_LARGE, ServiceError
@@ -89,9 +90,11 @@ class GoalPoseApplication:
         self.settings = settings
         self._load = load
         self._synthesizer = synthesizer
-        self._objects = RecentCache[str, StoredObject](settings.object_cache)  # by name
-        self._uploads = RecentCache[str, str](4 * settings.object_cache)  # hash of the request → name
-        self._own_references = RecentCache[str, ReferencePair](settings.reference_cache)
+        # Of every API key its own: what another has uploaded is not there. Answers are shared, by hash of all they
+        # depend on, and only reach whoever has the object.
+        self._objects = OwnedCache[str, StoredObject](settings.object_cache)  # by name
+        self._uploads = OwnedCache[str, str](4 * settings.object_cache)  # hash of the request → name
+        self._own_references = OwnedCache[str, ReferencePair](settings.reference_cache)
         self._answers = RecentCache[str, GoalPose](settings.result_cache)
         self._solving: dict[str, Solving[Progress, GoalPose]] = {}
         self._reading = ComputeQueue("upload", limit=settings.upload_limit, registry=registry)
@@ -123,20 +126,21 @@ class GoalPoseApplication:
             raise ServiceError(PAYLOAD_TOO_LARGE, detail, field="content")
         digest = hashlib.sha256(data)
         digest.update(json.dumps([format, unit, up, size, piece]).encode())
-        name = self._uploads.get(digest.hexdigest())
-        known = self._objects.get(name) if name else None
+        owner = OWNER.get()
+        name = self._uploads.get(owner, digest.hexdigest())
+        known = self._objects.get(owner, name) if name else None
         if known is None:
             said = _Said(unit or None, up or None, size, piece or None)
             known = StoredObject(await self._read(data, format, said), format)
-            self._objects.put(known.shape.name, known)
-            self._uploads.put(digest.hexdigest(), known.shape.name)
+            self._objects.put(owner, known.shape.name, known)
+            self._uploads.put(owner, digest.hexdigest(), known.shape.name)
         return known
 
     def object(self, name: str) -> StoredObject:
-        """An uploaded object; OBJECT_NOT_FOUND when it is not here."""
+        """An object that the caller has uploaded; OBJECT_NOT_FOUND when it is not here."""
         if not name:
             raise ServiceError(INVALID_ARGUMENT, "object is missing: upload one, or send points", field="object")
-        known = self._objects.get(name)
+        known = self._objects.get(OWNER.get(), name)
         if known is None:
             raise ServiceError(OBJECT_NOT_FOUND, f"no object {name!r}", field="object")
         return known
@@ -160,7 +164,7 @@ class GoalPoseApplication:
         if apart > TOUCHING:
             detail = f"the hips are {apart:.2f} m from the object's surface; at most {TOUCHING} m are plausible"
             raise ServiceError(REFERENCE_POSE_UNFIT, detail, field="pose")
-        self._own_references.put(pair.id, pair)
+        self._own_references.put(OWNER.get(), pair.id, pair)
         return pair
 
     async def check(self, query: PoseQuery) -> PoseQuery:
@@ -268,7 +272,7 @@ class GoalPoseApplication:
 
     def _check_reference(self, query: PoseQuery) -> None:
         name, known = query.reference, self._synthesizer.references
-        if name and name not in known and self._own_references.get(name) is None:
+        if name and name not in known and self._own_references.get(OWNER.get(), name) is None:
             detail = f"no reference pose {name!r}: {', '.join(known)}"
             raise ServiceError(REFERENCE_POSE_NOT_FOUND, detail, field="reference_pose")
         if not name and query.action not in ACTIONS:
@@ -312,7 +316,7 @@ class GoalPoseApplication:
         return list(dict.fromkeys(pair.pose.skeleton for pair in self._synthesizer.references.values()))
 
     def _request(self, query: PoseQuery) -> GoalPoseRequest:
-        own = self._own_references.get(query.reference)
+        own = self._own_references.get(OWNER.get(), query.reference)
         return GoalPoseRequest(
             reference=query.reference or None,
             action=query.action or "sit",

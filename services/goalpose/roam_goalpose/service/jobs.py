@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from uuid import uuid4
 
-from roam_serving.access import CALLER
-from roam_serving.cache import RecentCache
+from roam_serving.access import CALLER, OWNER
+from roam_serving.cache import OwnedCache
 from roam_serving.errors import INTERNAL, ServiceError
 from roam_serving.monitoring.logs import get_log
 
@@ -37,6 +37,7 @@ class Job:
 
     name: str  # "jobs/…", not to be guessed
     created: datetime
+    owner: str = ""  # name of the API key that started it; for others it is not there
     origin: tuple[str, str] | None = None  # caller and idempotency key
     progress: Progress | None = None
     goal_pose: GoalPose | None = None
@@ -55,9 +56,9 @@ class Jobs:
 
     def __init__(self, application: GoalPoseApplication) -> None:
         self._application = application
-        self._jobs = RecentCache[str, Job](_KEPT)
+        self._jobs = OwnedCache[str, Job](_KEPT)
         self._tasks: dict[str, asyncio.Task[None]] = {}
-        self._used = RecentCache[tuple[str, str], tuple[PoseQuery, Job | None]](_KEPT)  # by caller and idempotency key
+        self._used = OwnedCache[str, tuple[PoseQuery, Job | None]](_KEPT)  # of every caller, by idempotency key
 
     def start(self, query: PoseQuery, idempotency_key: str = "") -> Job:
         """A new job, or the one that the same key started before. QUEUE_FULL, or IDEMPOTENCY_KEY_REUSED."""
@@ -66,10 +67,10 @@ class Jobs:
             return known
         self._application.check_room()
         origin = (CALLER.get(), idempotency_key) if idempotency_key else None
-        job = Job(name=f"jobs/{uuid4().hex}", created=datetime.now(UTC), origin=origin)
-        self._jobs.put(job.name, job)
+        job = Job(name=f"jobs/{uuid4().hex}", created=datetime.now(UTC), owner=OWNER.get(), origin=origin)
+        self._jobs.put(job.owner, job.name, job)
         if origin is not None:
-            self._used.put(origin, (query, job))
+            self._used.put(*origin, (query, job))
         task = asyncio.create_task(_run(job, self._application.synthesize(query)), name=job.name)
         self._tasks[job.name] = task
         task.add_done_callback(lambda _: self._tasks.pop(job.name, None))
@@ -82,16 +83,15 @@ class Jobs:
         """
         if not idempotency_key:
             return None
-        place = (CALLER.get(), idempotency_key)
-        before, job = self._used.get(place) or (query, None)
+        before, job = self._used.get(CALLER.get(), idempotency_key) or (query, None)
         if before != query:
             raise ServiceError(IDEMPOTENCY_KEY_REUSED, field="Idempotency-Key")
-        self._used.put(place, (query, job))
+        self._used.put(CALLER.get(), idempotency_key, (query, job))
         return job
 
     def get(self, name: str) -> Job:
-        """A job; JOB_NOT_FOUND when there is none (any more)."""
-        job = self._jobs.get(name)
+        """A job of the caller's key; JOB_NOT_FOUND when there is none (any more)."""
+        job = self._jobs.get(OWNER.get(), name)
         if job is None:
             raise ServiceError(JOB_NOT_FOUND, f"no job {name!r}")
         return job
@@ -99,9 +99,9 @@ class Jobs:
     def delete(self, name: str) -> None:
         """Stops a job if it runs, and forgets it. JOB_NOT_FOUND when there is none."""
         job = self.get(name)
-        self._jobs.drop(name)
+        self._jobs.drop(job.owner, name)
         if job.origin is not None:
-            self._used.drop(job.origin)
+            self._used.drop(*job.origin)
         if (task := self._tasks.get(name)) is not None:
             task.cancel()
 

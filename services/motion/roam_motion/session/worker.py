@@ -214,7 +214,9 @@ class _WorkerLink:
         seats = [None if number is None else self._seats[number] for number in answer.seats]
         states = list(map(_state, answer.rows, answer.controls.tolist(), seats))
         self._states.adopt(states, made)
-        frames = map(FrameData, *answer.frames, answer.actions, answer.gaps)
+        # Copies: rows would each keep the arrays of all characters, for as long as the slowest of them keeps its frame.
+        columns = ([row.copy() for row in rows] for rows in answer.frames)
+        frames = map(FrameData, *columns, answer.actions, answer.gaps)
         pairs = zip(states, frames, strict=True)
         results: list[list[Result]] = [list(islice(pairs, count)) for count in answer.counts]
         for character, error in answer.errors.items():

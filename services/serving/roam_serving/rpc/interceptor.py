@@ -56,7 +56,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
         async def wrapped(request: Any, context: Any) -> Any:
             with self._scope(method, context):
                 try:
-                    self._admit(method, context)
+                    await self._admit(method, context)
                     return await behaviour(_decoded(request), context)
                 except Exception as error:
                     await _abort(context, error)
@@ -67,7 +67,7 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
         async def wrapped(request: Any, context: Any) -> AsyncIterator[Any]:
             with self._scope(method, context):
                 try:
-                    self._admit(method, context)
+                    await self._admit(method, context)
                     answer = behaviour(_decoded(request), context)
                     if not hasattr(answer, "__aiter__"):  # writes through the context instead of yielding
                         await answer
@@ -80,8 +80,8 @@ class RequestInterceptor(grpc.aio.ServerInterceptor):  # type: ignore[misc]  # g
 
         return wrapped
 
-    def _admit(self, method: str, context: Any) -> None:
-        self._access.admit_call(method, context.invocation_metadata() or (), context.peer())
+    async def _admit(self, method: str, context: Any) -> None:
+        await self._access.admit_call(method, context.invocation_metadata() or (), context.peer())
 
     @contextmanager
     def _scope(self, method: str, context: Any) -> Iterator[None]:
