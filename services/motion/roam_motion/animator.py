@@ -33,7 +33,7 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\7"
+_MARK = b"ROAM\x08"
 # Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
 _HEAD = struct.Struct("<5s6i9d")
 _NO_SEAT = 0  # in the head, where else the number of the seat's action is

@@ -112,12 +112,13 @@ def _bodies(figure: Figure, characters: Characters) -> Tensor:
 def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, life: Life) -> tuple[Tensor, Tensor]:
     """Rows of characters, whose `joints` are [B, J, 3], and of `_shown_shapes` side by side; rotations as int16."""
     after = replace(after, gaze=gazed(figure, after, joints, life))
-    orientations = swinging(figure, joints, after.orientations, walking(after), after.manner)
-    orientations = alive(figure, after, orientations, life)
-    positions = figure.positions(after.hips, orientations)
+    walks = walking(after)
+    orientations = swinging(figure, joints, after.orientations, walks, after.manner)
+    hips, orientations = alive(figure, after, orientations, life, walks)
+    positions = figure.positions(hips, orientations)
     rotations = figure.rotations(orientations)
     frame = {
-        "root": torch.cat([after.hips, rotations[:, 0]], 1),
+        "root": torch.cat([hips, rotations[:, 0]], 1),
         "rotations": rotations,
         "positions": positions,
         "contacts": (after.lock_weights >= 1).float(),

@@ -48,7 +48,7 @@ def minute(settled=1.0, hands=1.0, back=1.0, manner=None):
     life = torch.zeros(FRAMES, WIDTH)
     life[:, 0] = 1234 + torch.arange(FRAMES) / 30
     life[:, 1:4] = torch.tensor([hands, hands, back])
-    moved = alive(FIGURE, characters, orientations, Life.of(life))
+    hips, moved = alive(FIGURE, characters, orientations, Life.of(life), torch.zeros(len(orientations)))
     return FIGURE.positions(characters.hips, moved).numpy()
 
 

@@ -1,8 +1,8 @@
 """Life in a body that stands, sits or lies still: breath, small shifts, looks.
 
-Only the shown frame is touched, never the state that the next step starts from. Trunk and head turn about their own
-axes; a seated trunk shifts farther, and only to the front and the sides, so that it never goes into a back rest. Hands
-stay where they rest: the arms are bent anew for them. The clock alone decides, and it starts where the character's seed
+Only the shown frame is touched, never the state that the next step starts from. Who sits moves as captured people do
+who sit (seated_life.py), and leans only to the front and the sides, so that it never goes into a back rest; who walks
+goes along with its steps (gait.py). Feet stay where they are and hands where they rest: legs and arms are bent anew. The clock alone decides, and it starts where the character's seed
 put it: the same seed breathes alike.
 """
 
@@ -16,7 +16,9 @@ from torch.linalg import vector_norm
 
 from roam_motion.actions import IDLE, LIE
 from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, turn_between, unit
+from roam_motion.animation.gait import Sway, sway
 from roam_motion.animation.manner import of
+from roam_motion.animation.seated_life import BONES, Fidget, fidget
 from roam_motion.animation.state import STYLE, Characters
 
 _BREATH = 3.9, 0.12  # [s], and how much a deviate of `breath` changes it: people breathe 12 to 20 times a minute
@@ -35,20 +37,23 @@ _TURNS = {
 _OF_BREATH, _OF_SHIFTS = torch.deg2rad(torch.tensor(list(_TURNS.values()))).unbind(1)  # [K, 3] [rad]
 _RATES = 2 * math.pi / torch.tensor(_SHIFTS)  # [3, 3] [rad/s]
 
-# Seated people shift every few seconds, within a second, and then keep still: periods [s] of shifts of the trunk and of
-# looks, and the share of a period that a change takes. Sizes are tuned so that the mean joint stays within 1 cm.
-_POSTURE, _LOOK, _SHIFTING = 5.3, 4.3, 0.22
-_LEAN, _TURN, _TILT = (math.radians(angle) for angle in (5.0, 5.0, 2.5))  # of a seated trunk: forward, round, aside
-_HANDS, _STROKE = 5.9, 0.03  # [s], [m] of hands that rest on the thighs
-_KEPT_BACK = 0.55  # share of the lean where the back rests against something
+# Looks change every few seconds, within a second: their period [s], and the share of it that a change takes.
+_LOOK, _SHIFTING, _DRIFTS = 4.3, 0.22, 1.9
+# Shares of what captured people do, of trunk, hips and hands, tuned so that the mean joint stays within 1 cm.
+_AS_CAPTURED = 0.55, 0.5, 0.5
+_DOWN = 0.25  # share of movements down, where there is a seat or a thigh
 _GLANCE = math.radians(24), math.radians(7)  # [rad] yaw and pitch of looks at most
 _TABLE = 2 * torch.rand(256, 7, generator=torch.Generator().manual_seed(5)) - 1  # where shifts and looks go
 _CHANNELS = 97  # entries of the table between the beginnings of two channels: they are not alike
-_SPINE = ("spine", "chest", "upperChest")
 _HEAD = (("upperChest", 0.1), ("neck", 0.35), ("head", 0.55))  # shares of a look
-_ARMS = ("UpperArm", "LowerArm", "Hand")
+_LIMBS = ("UpperLeg", "LowerLeg", "Foot"), ("UpperArm", "LowerArm", "Hand")
 _FURTHEST = math.radians(65), math.radians(30)  # yaw and pitch of a look that is asked for
 _TURNS_IN = 0.12, 0.09  # share of the way to it, and [rad] that the head turns, in a frame at most
+_GLANCES = 0.5  # share of their looks about that people have who walk
+_FORWARD = torch.tensor([0.02, 0.02, 0.0, 0.0])[:, None]  # that straight knees bend forward
+_NODS = torch.tensor([0.0, *[1.0] * (len(BONES) - 1)])  # bones that go along with the trunk
+_OF_HEAD = torch.tensor([float(bone == "head") + 0.5 * (bone == "neck") for bone in BONES])
+_OF_PELVIS = torch.tensor([1.0, 0.4, *[0.0] * (len(BONES) - 2)])
 _STRAIGHT = 0.955, 0.985  # shares of an arm's length at which its hand begins to go along, and does
 _LOOSELY = 0.6  # how much a hand stays that rests on the body and not on furniture
 _EYES = 0.09  # [m] over the head's joint
@@ -83,19 +88,72 @@ def _joints(figure: Figure) -> Tensor:
     return torch.tensor(figure.skeleton.indices(list(_TURNS)))
 
 
-def alive(figure: Figure, characters: Characters, orientations: Tensor, life: Life) -> Tensor:
-    """World orientations [B, J, 3, 3] with breath, shifts and looks."""
-    share, joints = stillness(characters), _joints(figure)
+def alive(
+    figure: Figure, characters: Characters, orientations: Tensor, life: Life, walks: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Hips [B, 3] and world orientations [B, J, 3, 3] with breath, shifts and looks, and with the sway of who walks.
+
+    `walks` [B] says how much each one walks.
+    """
+    share, seated = stillness(characters), _sits(characters)
     size = 1 + _UNREST * of(characters.manner, "unrest")
+    joints = figure.positions(characters.hips, orientations)
+    root = figure.frame(joints)
+    turned = _breathing(figure, characters, orientations, life, share, size * (1 - seated))
+    fidgets, gait = fidget(life.clock), sway(figure, characters, joints, walks, _drift(life.clock))
+    amount = (seated * size)[:, None]
+    turns = root.turn_out(_trunk_turns(fidgets, gait, amount, life.back))
+    bones = _bones(figure)
+    turned = turned.index_copy(1, bones, turn_about(turns) @ turned[:, bones])
+    turned = _looking(figure, turned, torch.maximum(share, _GLANCES * walks), characters.gaze, life.clock)
+    moves = torch.stack([gait.hips + _AS_CAPTURED[1] * amount * _lifted(fidgets.hips)], 1)
+    hands = _AS_CAPTURED[2] * amount[..., None] * _lifted(fidgets.wrists) * (1 - life.hands)[..., None]
+    moves = root.turn_out(torch.cat([moves, hands], 1))
+    hips = characters.hips + moves[:, 0]
+    kept = characters.settled[:, None] * (_LOOSELY + (1 - _LOOSELY) * life.hands)
+    return hips, _limbs_kept(figure, joints, hips, orientations, turned, kept, moves[:, 1:])
+
+
+def _sits(characters: Characters) -> Tensor:
+    """How much each one sits and holds it [B]."""
+    return characters.settled * (1 - characters.past[:, -1, STYLE.start + LIE.column]).clamp(0.0, 1.0)
+
+
+def _breathing(
+    figure: Figure, characters: Characters, orientations: Tensor, life: Life, share: Tensor, size: Tensor
+) -> Tensor:
+    """Orientations with breath, and with shifts of a `size` [B], by a `share` [B]."""
+    joints = _joints(figure)
     angles = _breath(characters, life.clock)[:, None, None] * _OF_BREATH
     angles = angles + size[:, None, None] * _shift(life.clock)[:, None] * _OF_SHIFTS
     turns = turn_about(share[:, None, None] * angles)
-    turned = orientations.index_copy(1, joints, orientations[:, joints] @ turns)
-    seated = characters.settled * (1 - characters.past[:, -1, STYLE.start + LIE.column]).clamp(0.0, 1.0)
-    turned = _shifted(figure, turned, seated * size, life)
-    turned = _looking(figure, turned, share, characters.gaze, life.clock)
-    kept = characters.settled[:, None] * (_LOOSELY + (1 - _LOOSELY) * life.hands)
-    return _hands_kept(figure, characters.hips, orientations, turned, kept, _fidget(life) * (seated * size)[:, None])
+    return orientations.index_copy(1, joints, orientations[:, joints] @ turns)
+
+
+def _trunk_turns(fidgets: Fidget, gait: Sway, amount: Tensor, back: Tensor) -> Tensor:
+    """Turns [B, K, 3] of the trunk's bones; one whose back rests on something leans forward only."""
+    turns = _AS_CAPTURED[0] * amount[..., None] * fidgets.turns
+    lean = turns[..., 0]
+    lean = torch.lerp(lean, lean.clamp_min(0.0), back[:, None])
+    nod = gait.trunk[:, None] * _NODS + gait.head[:, None] * _OF_HEAD
+    yaw = turns[..., 1] + gait.pelvis[:, None] * _OF_PELVIS
+    return torch.stack([lean + nod, yaw, turns[..., 2]], -1)
+
+
+def _lifted(moves: Tensor) -> Tensor:
+    """Movements [..., 3] that go down less than up."""
+    up = moves[..., 1]
+    return torch.stack([moves[..., 0], torch.where(up < 0, _DOWN * up, up), moves[..., 2]], -1)
+
+
+def _drift(clock: Tensor) -> tuple[Tensor, Tensor]:
+    """Two slow wanderings [B] of who walks."""
+    return _wander(clock, _DRIFTS, 0), _wander(clock, 1.3 * _DRIFTS, 1)
+
+
+@cache
+def _bones(figure: Figure) -> Tensor:
+    return torch.tensor(figure.skeleton.indices(list(BONES)))
 
 
 def gazed(figure: Figure, characters: Characters, positions: Tensor, life: Life) -> Tensor:
@@ -135,28 +193,6 @@ def _wander(clock: Tensor, period: float, channel: int) -> Tensor:
     return torch.lerp(here, there, change)
 
 
-def _shifted(figure: Figure, orientations: Tensor, size: Tensor, life: Life) -> Tensor:
-    """Orientations with the trunk of somebody seated shifted by `size` [B], and all that it carries."""
-    lean = _LEAN * (0.5 + 0.5 * _wander(life.clock, _POSTURE, 0)) * (1 - (1 - _KEPT_BACK) * life.back)
-    turn = _TURN * _wander(life.clock, _POSTURE, 1)
-    tilt = _TILT * _wander(life.clock, _POSTURE, 2)
-    angles = size[:, None] * torch.stack([lean, turn, tilt], -1)
-    first = figure.skeleton.index(_SPINE[0])
-    trunk, carried = orientations[:, first], _carried(figure)
-    turn_of_all = trunk @ turn_about(angles) @ trunk.mT
-    return orientations.index_copy(1, carried, turn_of_all[:, None] @ orientations[:, carried])
-
-
-@cache
-def _carried(figure: Figure) -> Tensor:
-    """The spine's first joint and all that it carries."""
-    found = [figure.skeleton.index(_SPINE[0])]
-    for joint, parent in enumerate(figure.skeleton.parents):
-        if parent in found:
-            found.append(joint)
-    return torch.tensor(found)
-
-
 def _looking(figure: Figure, orientations: Tensor, share: Tensor, gaze: Tensor, clock: Tensor) -> Tensor:
     """Orientations with neck and head turned to what is looked at, else a little here and there."""
     about = share * (1 - gaze[:, 2])
@@ -169,46 +205,43 @@ def _looking(figure: Figure, orientations: Tensor, share: Tensor, gaze: Tensor, 
     return orientations.index_copy(1, joints, orientations[:, joints] @ turn_about(shares * angles))
 
 
-def _fidget(life: Life) -> Tensor:
-    """How far hands that do not rest on furniture are moved along the thighs [B, 2] [m]."""
-    way = torch.stack([_wander(life.clock, _HANDS, 5), _wander(life.clock, 1.3 * _HANDS, 6)], -1)
-    return _STROKE * way * (1 - life.hands)
+def _limbs_kept(
+    figure: Figure, before: Tensor, hips: Tensor, start: Tensor, after: Tensor, kept: Tensor, along: Tensor
+) -> Tensor:
+    """Orientations `after` with legs bent so that the ankles are as in `before` [B, J, 3], and arms so that the hands
+    are, as much as `kept` [B, 2] says; they move `along` [B, 2, 3] [m].
 
-
-def _hands_kept(figure: Figure, hips: Tensor, before: Tensor, after: Tensor, kept: Tensor, along: Tensor) -> Tensor:
-    """Orientations `after` with arms bent so that the hands are, as much as `kept` [B, 2] says, as in `before`.
-
-    They move `along` [B, 2] [m] their thighs. An arm that hangs straight has nothing to bend with: its hand goes along.
+    An arm that hangs straight has nothing to bend with: its hand goes along. `start` are the orientations of `before`.
     """
-    arms = _arm_joints(figure)
+    limbs = _limbs(figure)
+    root, middle, end = (limbs[:, column] for column in range(3))
     joints = figure.positions(hips, after)
-    shoulder, elbow, wrist = (joints[:, arms[:, column]] for column in range(3))
-    upper, lower = (figure.lengths[arms[:, column], None] for column in (1, 2))
-    straight = vector_norm(wrist - shoulder, dim=-1) / (upper + lower)[:, 0]
+    first, bend, tip = joints[:, root], joints[:, middle], joints[:, end]
+    upper, lower = figure.lengths[middle, None], figure.lengths[end, None]
+    straight = vector_norm(tip[:, 2:] - first[:, 2:], dim=-1) / (upper + lower)[2:, 0]
     bends = ((_STRAIGHT[1] - straight) / (_STRAIGHT[1] - _STRAIGHT[0])).clamp(0.0, 1.0)
-    kept, along = (bends * kept)[..., None], (bends * along)[..., None]
-    thighs = unit(joints[:, figure.legs[:, 1]] - joints[:, figure.legs[:, 0]])
-    there = torch.lerp(wrist, figure.positions(hips, before)[:, arms[:, 2]], kept) + along * thighs
-    way = there - shoulder
+    kept = torch.cat([torch.ones_like(kept), bends * kept], 1)[..., None]
+    moved = torch.cat([torch.zeros_like(along), along * bends[..., None]], 1)
+    there = torch.lerp(tip, before[:, end], kept) + moved
+    way = there - first
     reach = vector_norm(way, dim=-1, keepdim=True)
     way = way / reach.clamp_min(1e-6)
     reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 1e-3), 0.9999 * (upper + lower))
     cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
-    side = elbow - shoulder
+    side = bend - first + _FORWARD * after[:, root][..., 2]
     side = unit(side - (side * way).sum(-1, keepdim=True) * way)
-    bent = shoulder + upper * (cosine * way + (1 - cosine.square()).clamp_min(0.0).sqrt() * side)
-    turned = torch.stack(
-        [
-            turn_between(elbow - shoulder, bent - shoulder) @ after[:, arms[:, 0]],
-            turn_between(wrist - elbow, shoulder + reach * way - bent) @ after[:, arms[:, 1]],
-            orthonormal(torch.lerp(six(after[:, arms[:, 2]]), six(before[:, arms[:, 2]]), kept)),
-        ],
-        2,
-    )
-    return after.index_copy(1, arms.flatten(), turned.flatten(1, 2))
+    bent = first + upper * (cosine * way + (1 - cosine.square()).clamp_min(0.0).sqrt() * side)
+    hands = end[2:]
+    turned = [
+        turn_between(bend - first, bent - first) @ after[:, root],
+        turn_between(tip - bend, first + reach * way - bent) @ after[:, middle],
+        orthonormal(torch.lerp(six(after[:, hands]), six(start[:, hands]), kept[:, 2:])),
+    ]
+    return after.index_copy(1, torch.cat([root, middle, hands]), torch.cat(turned, 1))
 
 
 @cache
-def _arm_joints(figure: Figure) -> Tensor:
-    """[2, 3]: upper arm, lower arm, hand."""
-    return torch.tensor([figure.skeleton.indices([side + part for part in _ARMS]) for side in ("left", "right")])
+def _limbs(figure: Figure) -> Tensor:
+    """[4, 3]: left and right leg, left and right arm, three joints each."""
+    names = [[side + part for part in limb] for limb in _LIMBS for side in ("left", "right")]
+    return torch.tensor([figure.skeleton.indices(limb) for limb in names])

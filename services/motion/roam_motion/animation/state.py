@@ -48,7 +48,7 @@ class Characters:
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
     standing: Tensor  # [B] 0 going .. 1 standing, where feet step by rule (see stepping.py)
     steps: Tensor  # [B, 2] share of its step by rule that a foot has behind it, 0 on the ground
-    manner: Tensor  # [B, 7] who it is (see manner.py); never changes
+    manner: Tensor  # [B, 9] who it is (see manner.py); never changes
     gaze: Tensor  # [B, 3] yaw and pitch of the head against the body [rad], and how much a look is being held, 0..1
 
     @staticmethod
