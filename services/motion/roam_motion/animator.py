@@ -274,4 +274,5 @@ def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float, 
         steps=torch.zeros(1, 2),
         manner=torch.from_numpy(manner)[None],
         gaze=torch.zeros(1, 3),
+        linger=torch.zeros(1, 3),
     )

@@ -16,6 +16,7 @@ from roam_motion.animation.advance import Proposal, cleared, propose, settle
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure
+from roam_motion.animation.landing import lingering
 from roam_motion.animation.living import WIDTH as LIFE
 from roam_motion.animation.living import Life, alive, gazed
 from roam_motion.animation.prediction import Goals, Predict, goal_shapes
@@ -59,6 +60,7 @@ class Graphs:
         def shown(numbers: Tensor, pushed: Tensor, *proposal: Tensor) -> tuple[Tensor, Tensor]:
             characters, goals, life = self._inputs(numbers)
             after, joints = settle(figure, characters, Proposal(*proposal), pushed)
+            after = replace(after, linger=lingering(after, characters.hips, goals))
             return _shown(figure, after, joints, goals.pose_positions, life)
 
         def stepped(numbers: Tensor) -> tuple[Tensor, Tensor]:

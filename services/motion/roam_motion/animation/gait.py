@@ -27,8 +27,10 @@ _NOD = 0.008, 0.9  # [rad] trunk (twice a cycle)
 _HEAD = 0.014, 1.66  # [rad] head, beyond the trunk's (twice a cycle)
 # What a deviate changes: the share of the pelvis' turn, and the hips' height [m] (3 to 4 degrees of the knees); tuned
 # on the spread of persons' gaits.
-_TURNS, _LOWER = 0.55, 0.010
+_TURNS, _LOWER = 0.9, 0.007
 _SLACK = 0.985  # share of a leg's length to which hips may rise
+_TALLER = 0.3, 0.03  # share of that way which they do, and [m] at most: networks walk with bent knees
+_CLEAR = 0.008  # [m] that a foot swings higher
 _DRIFT = 0.006, 0.016  # [m] hips aside, [rad] lean of the trunk, that wander from stride to stride
 
 
@@ -40,6 +42,7 @@ class Sway:
     pelvis: Tensor  # [B] turn to the left [rad]
     trunk: Tensor  # [B] nod forward [rad]
     head: Tensor  # [B] the head's beyond it [rad]
+    feet: Tensor  # [B, 2, 3] [m]
 
 
 def sway(figure: Figure, characters: Characters, joints: Tensor, share: Tensor, wander: tuple[Tensor, Tensor]) -> Sway:
@@ -48,11 +51,16 @@ def sway(figure: Figure, characters: Characters, joints: Tensor, share: Tensor, 
     once, twice = (_ASIDE, _TURN), (_AHEAD, _UP, _NOD, _HEAD)
     aside, turn = (amount * (angle + begin).cos() for amount, begin in once)
     ahead, up, nod, head = (amount * (2 * angle + begin).cos() for amount, begin in twice)
-    lower = torch.minimum(_LOWER * of(characters.manner, "height"), _slack(figure, joints) / size(figure))
+    slack = _slack(figure, joints) / size(figure)
+    lower = (_TALLER[0] * slack).clamp_max(_TALLER[1]) + _LOWER * of(characters.manner, "height")
+    lower = torch.minimum(lower, slack)
     hips = torch.stack([aside + _DRIFT[0] * wander[0], up + lower, ahead], -1)
     turn = turn * (1 + _TURNS * of(characters.manner, "hips"))
     nod = nod + _DRIFT[1] * wander[1]
-    return Sway(size(figure) * share[:, None] * hips, share * turn, share * nod, share * head)
+    swing = torch.stack([-angle.sin(), angle.sin()], 1).clamp_min(0.0).square()
+    feet = (_CLEAR * swing)[..., None] * torch.tensor([0.0, 1.0, 0.0])
+    scaled = size(figure) * share[:, None]
+    return Sway(scaled * hips, share * turn, share * nod, share * head, scaled[..., None] * feet)
 
 
 def _slack(figure: Figure, joints: Tensor) -> Tensor:

@@ -1,9 +1,9 @@
-"""Life in a body that stands, sits or lies still: breath, small shifts, looks.
+"""Life in a body that stands, sits or lies still: breath, small shifts, looks; and the sway of one that walks.
 
 Only the shown frame is touched, never the state that the next step starts from. Who sits moves as captured people do
 who sit (seated_life.py), and leans only to the front and the sides, so that it never goes into a back rest; who walks
-goes along with its steps (gait.py). Feet stay where they are and hands where they rest: legs and arms are bent anew. The clock alone decides, and it starts where the character's seed
-put it: the same seed breathes alike.
+goes along with its steps (gait.py). Feet stay where they are and hands where they rest: legs and arms are bent anew.
+The clock alone decides, and it starts where the character's seed put it: the same seed breathes alike.
 """
 
 import math
@@ -40,7 +40,8 @@ _RATES = 2 * math.pi / torch.tensor(_SHIFTS)  # [3, 3] [rad/s]
 # Looks change every few seconds, within a second: their period [s], and the share of it that a change takes.
 _LOOK, _SHIFTING, _DRIFTS = 4.3, 0.22, 1.9
 # Shares of what captured people do, of trunk, hips and hands, tuned so that the mean joint stays within 1 cm.
-_AS_CAPTURED = 0.55, 0.5, 0.5
+_AS_CAPTURED = 0.55, 0.65, 0.5
+_STANDING = torch.tensor([0.007, 0.0, 0.005])  # [m] hips of who stands, aside and ahead, at most
 _DOWN = 0.25  # share of movements down, where there is a seat or a thigh
 _GLANCE = math.radians(24), math.radians(7)  # [rad] yaw and pitch of looks at most
 _TABLE = 2 * torch.rand(256, 7, generator=torch.Generator().manual_seed(5)) - 1  # where shifts and looks go
@@ -106,12 +107,15 @@ def alive(
     bones = _bones(figure)
     turned = turned.index_copy(1, bones, turn_about(turns) @ turned[:, bones])
     turned = _looking(figure, turned, torch.maximum(share, _GLANCES * walks), characters.gaze, life.clock)
-    moves = torch.stack([gait.hips + _AS_CAPTURED[1] * amount * _lifted(fidgets.hips)], 1)
+    stands = (share - characters.settled).clamp_min(0.0) * (1 - characters.blend)
+    shift = (stands * size)[:, None] * _STANDING * _shift(life.clock)
+    moves = (gait.hips + shift + _AS_CAPTURED[1] * amount * _lifted(fidgets.hips))[:, None]
     hands = _AS_CAPTURED[2] * amount[..., None] * _lifted(fidgets.wrists) * (1 - life.hands)[..., None]
     moves = root.turn_out(torch.cat([moves, hands], 1))
-    hips = characters.hips + moves[:, 0]
+    hips = characters.hips + characters.linger + moves[:, 0]
     kept = characters.settled[:, None] * (_LOOSELY + (1 - _LOOSELY) * life.hands)
-    return hips, _limbs_kept(figure, joints, hips, orientations, turned, kept, moves[:, 1:])
+    moves = torch.cat([gait.feet, moves[:, 1:]], 1)
+    return hips, _limbs_kept(figure, joints, hips, orientations, turned, kept, moves)
 
 
 def _sits(characters: Characters) -> Tensor:
@@ -209,7 +213,7 @@ def _limbs_kept(
     figure: Figure, before: Tensor, hips: Tensor, start: Tensor, after: Tensor, kept: Tensor, along: Tensor
 ) -> Tensor:
     """Orientations `after` with legs bent so that the ankles are as in `before` [B, J, 3], and arms so that the hands
-    are, as much as `kept` [B, 2] says; they move `along` [B, 2, 3] [m].
+    are, as much as `kept` [B, 2] says; ankles and hands move `along` [B, 4, 3] [m].
 
     An arm that hangs straight has nothing to bend with: its hand goes along. `start` are the orientations of `before`.
     """
@@ -221,7 +225,7 @@ def _limbs_kept(
     straight = vector_norm(tip[:, 2:] - first[:, 2:], dim=-1) / (upper + lower)[2:, 0]
     bends = ((_STRAIGHT[1] - straight) / (_STRAIGHT[1] - _STRAIGHT[0])).clamp(0.0, 1.0)
     kept = torch.cat([torch.ones_like(kept), bends * kept], 1)[..., None]
-    moved = torch.cat([torch.zeros_like(along), along * bends[..., None]], 1)
+    moved = torch.cat([along[:, :2], along[:, 2:] * bends[..., None]], 1)
     there = torch.lerp(tip, before[:, end], kept) + moved
     way = there - first
     reach = vector_norm(way, dim=-1, keepdim=True)
