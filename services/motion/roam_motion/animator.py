@@ -16,9 +16,9 @@ from roam_motion.actions import ACTIONS, IDLE, STYLES, action_numbered
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture, furniture_of, near
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, humanoid_figure
-from roam_motion.animation.living import WIDTH as LIFE
 from roam_motion.animation.manner import drawn
 from roam_motion.animation.rows import split_array
+from roam_motion.animation.shown.living import WIDTH as LIFE
 from roam_motion.animation.state import FUTURE, PAST, Characters, shapes_of
 from roam_motion.control.actions import transition
 from roam_motion.control.controller import INTERACT, Body, Control, control

@@ -16,13 +16,13 @@ from roam_motion.animation.advance import Proposal, cleared, propose, settle
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure
-from roam_motion.animation.landing import lingering
-from roam_motion.animation.living import WIDTH as LIFE
-from roam_motion.animation.living import Life, alive, gazed
 from roam_motion.animation.prediction import Goals, Predict, goal_shapes
 from roam_motion.animation.rows import join, row_width, split_array
+from roam_motion.animation.shown.landing import lingering
+from roam_motion.animation.shown.living import WIDTH as LIFE
+from roam_motion.animation.shown.living import Life, alive, gazed
+from roam_motion.animation.shown.swing import swinging, walking
 from roam_motion.animation.state import ROOT, STYLE, Characters, characters_width
-from roam_motion.animation.swing import swinging, walking
 from roam_motion.animation.torchscript import frozen, running
 
 _EXAMPLES = 2  # characters that the graphs are traced with; they hold for any number

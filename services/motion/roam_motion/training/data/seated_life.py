@@ -1,4 +1,4 @@
-"""What captured people do while they sit, as a table that the living idle plays: `animation/seated_life.npz`.
+"""What captured people do while they sit, as a table that the living idle plays: `animation/shown/seated_life.npz`.
 
     python -m roam_motion.training.data.seated_life --bvh DIR --heldout FILE
 
@@ -17,7 +17,7 @@ import torch
 from roam_character.skeleton import humanoid_skeleton
 
 from roam_motion.animation.figure import Figure, humanoid_figure
-from roam_motion.animation.seated_life import BONES, RATE, TABLE, WRISTS
+from roam_motion.animation.shown.seated_life import BONES, RATE, TABLE, WRISTS
 from roam_motion.training.data.recordings import Recording, read_folder
 
 _FRAMES = 30.0  # [Hz] of the clips here

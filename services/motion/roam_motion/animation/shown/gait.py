@@ -19,19 +19,19 @@ from roam_motion.animation.state import PHASE, Characters
 # Harmonics of captured straight walking at 0.7 to 1.4 m/s (39 persons) less those of the network at 0.9 and 1.2 m/s:
 # size, and where in the cycle it is greatest [rad]. The cycle begins where the left ankle is farthest ahead.
 _STRIKE = 0.26  # [rad] after the label's own beginning, the onset of the left foot's contact
-_ASIDE = 0.017, -1.97  # [m] hips, to the left
-_AHEAD = 0.006, -1.80  # [m] hips: faster as a foot strikes, slower over it (twice a cycle)
-_UP = 0.0025, math.pi  # [m] hips, highest over the standing foot (twice a cycle)
+_ASIDE = 0.019, -1.97  # [m] hips, to the left
+_AHEAD = 0.0068, -1.80  # [m] hips: faster as a foot strikes, slower over it (twice a cycle)
+_UP = 0.0015, math.pi  # [m] hips, highest over the standing foot (twice a cycle)
 _TURN = 0.038, 2.80  # [rad] pelvis, to the left
-_NOD = 0.008, 0.9  # [rad] trunk (twice a cycle)
-_HEAD = 0.014, 1.66  # [rad] head, beyond the trunk's (twice a cycle)
+_NOD = 0.0115, 0.9  # [rad] trunk (twice a cycle)
+_HEAD = 0.017, 1.66  # [rad] head, beyond the trunk's (twice a cycle)
 # What a deviate changes: the share of the pelvis' turn, and the hips' height [m] (3 to 4 degrees of the knees); tuned
 # on the spread of persons' gaits.
-_TURNS, _LOWER = 0.9, 0.007
+_TURNS, _LOWER = 1.1, 0.006
 _SLACK = 0.985  # share of a leg's length to which hips may rise
-_TALLER = 0.3, 0.03  # share of that way which they do, and [m] at most: networks walk with bent knees
+_TALLER = 1.0, 0.010  # share of that way which they do, and [m] at most: networks walk with bent knees
 _CLEAR = 0.008  # [m] that a foot swings higher
-_DRIFT = 0.006, 0.016  # [m] hips aside, [rad] lean of the trunk, that wander from stride to stride
+_DRIFT = 0.012, 0.03  # [m] hips aside, [rad] lean of the trunk, that wander from stride to stride
 
 
 @dataclass(frozen=True)

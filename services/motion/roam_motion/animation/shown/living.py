@@ -16,9 +16,9 @@ from torch.linalg import vector_norm
 
 from roam_motion.actions import IDLE, LIE
 from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, turn_between, unit
-from roam_motion.animation.gait import Sway, sway
 from roam_motion.animation.manner import of
-from roam_motion.animation.seated_life import BONES, Fidget, fidget
+from roam_motion.animation.shown.gait import Sway, sway
+from roam_motion.animation.shown.seated_life import BONES, Fidget, fidget
 from roam_motion.animation.state import STYLE, Characters
 
 _BREATH = 3.9, 0.12  # [s], and how much a deviate of `breath` changes it: people breathe 12 to 20 times a minute

@@ -16,9 +16,9 @@ from roam_motion.animation.state import FRAME_RATE, Characters
 _ON_SEAT = 0.13  # [m/s] along the floor at most: captured hips touch a seat at 0.06 / 0.13 / 0.22
 _HIGHER = 2.0  # [1/s] and so much faster for every metre that they are higher
 _ABOVE = 0.02  # [m] over the goal's hips the seat is touched
-_EASED = 0.10  # share of what is missing that they catch up in a frame at most
+_EASED = 0.065  # share of what is missing that they catch up in a frame at most
 _FREE = 3.0  # [m/s] where nothing holds them back: no goal, a planned way, lying
-_FARTHEST = 0.25  # [m] they are left behind at most
+_FARTHEST = 0.11  # [m] they are left behind at most
 
 
 def lingering(after: Characters, before: Tensor, goals: Goals) -> Tensor:
