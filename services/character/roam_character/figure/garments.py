@@ -196,7 +196,6 @@ def _shoes(stance: Stance) -> list[Piece]:
         middle = stance.places[joint] + stance.turns[joint] @ np.array([0, -0.03, 0.07])
         for material, solid, count in ((SHOES, upper, 1500), (SOLES, sole, 1300)):
             moved = _sides(stance, "Foot", solid)[index]
-            found.append(
-                Piece(material, moved, middle - [0.09, 0.13, 0.20], middle + [0.09, 0.15, 0.20], 0.0036, count)
-            )
+            low, high = middle - np.array([0.09, 0.13, 0.20]), middle + np.array([0.09, 0.15, 0.20])
+            found.append(Piece(material, moved, low, high, 0.0036, count))
     return found

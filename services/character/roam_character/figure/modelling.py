@@ -1,7 +1,8 @@
 """The stance in which the figure is modelled, and solids of a bone carried into it.
 
-Linear skinning keeps the shape of the stance that it was bound in and squeezes joints that are bent far from it. The figure
-is modelled half way between its uses: arms lowered, hips and knees a little bent, then brought to the T-pose.
+Linear skinning keeps the shape of the stance that it was bound in and squeezes joints that are bent far from it. The
+figure is modelled half way between its uses: arms lowered, hips and knees a little bent; then it is brought to the
+T-pose.
 """
 
 from dataclasses import dataclass
