@@ -4,6 +4,8 @@ One page for all tests, because loading it is most of their cost; each test brin
 """
 
 import io
+import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,13 @@ from PIL import Image
 pytestmark = pytest.mark.timeout(600)
 
 SIT = 3
+ROOT = Path(__file__).parents[2]
+CHAIR = ROOT / "examples/objects/chair.glb"
+AXE = [
+    Path(folder) / "axe-core/axe.min.js"
+    for folder in (ROOT / "node_modules", os.environ.get("ROAM_TEST_NODE_MODULES", ""))
+    if folder
+]
 
 
 def wait(page: Any, condition: str) -> None:
@@ -123,5 +132,82 @@ def test_a_file_that_is_no_furniture_is_answered_in_words(page: Any):
     page.set_input_files("#file", [broken])
     page.wait_for_selector("#error:not([hidden])")
     assert len(page.inner_text("#error span")) > 20
+    # nothing else changed: the object is still named, and everything can be used
+    assert page.eval_on_selector("#objects", "e => e.selectedOptions[0].text") == "chair"
+    assert page.is_enabled("#sit")
+    assert page.is_enabled("#restart")
+    assert page.is_enabled("#pause")
     # the browser itself logs the refused requests
     page.complaints[:] = [text for text in page.complaints if "status of 4" not in text]
+
+
+def test_a_file_of_ones_own_is_named_in_the_selector(page: Any):
+    restart(page)
+    page.set_input_files("#file", [str(CHAIR.with_name("stool.glb"))])
+    wait(page, "() => document.getElementById('objects').selectedOptions[0].text === 'stool.glb'")
+    wait(page, "() => window.roam.phase === 'walking to the goal' && window.roam.frames > 3")
+    page.select_option("#objects", label="chair")
+    wait(page, "() => document.getElementById('object-note').innerText.startsWith('56 × 101')")
+    wait(page, "() => window.roam.phase === 'walking to the goal' && window.roam.frames > 3")
+
+
+def test_the_keyboard_alone_gets_past_every_control(page: Any):
+    restart(page)
+    page.focus("#objects")
+    seen = []
+    for _ in range(14):
+        page.keyboard.press("Tab")
+        seen.append(page.evaluate("() => document.activeElement.id"))
+    assert {"upload", "sit", "lie", "stand", "restart", "pause", "timeline", "save-format", "save"} <= set(seen)
+    page.focus("#upload")
+    with page.expect_file_chooser():
+        page.keyboard.press("Enter")
+
+
+def test_the_timeline_shows_what_was_and_comes_back(page: Any):
+    restart(page)
+    wait(page, "() => window.roam.frames > 20")
+    page.eval_on_selector("#timeline", "e => { e.value = 0.1; e.dispatchEvent(new Event('input')); }")
+    wait(page, "() => document.getElementById('timeline-note').innerText.startsWith('0.1 s of')")
+    page.eval_on_selector("#timeline", "e => { e.value = e.max; e.dispatchEvent(new Event('input')); }")
+    wait(page, "() => document.getElementById('timeline-note').innerText === 'live'")
+
+
+@pytest.mark.parametrize(("format", "start"), [("glb", b"glTF"), ("bvh", b"HIERARCHY"), ("png", b"\x89PNG")])
+def test_what_is_shown_can_be_saved(page: Any, format: str, start: bytes):
+    wait(page, "() => !document.getElementById('save').disabled && window.roam.frames > 3")
+    page.select_option("#save-format", format)
+    with page.expect_download() as waiting:
+        page.click("#save")
+    assert Path(waiting.value.path()).read_bytes().startswith(start)
+    assert waiting.value.suggested_filename == f"sit.{format}"
+
+
+def test_a_telephone_shows_every_control(page: Any):
+    restart(page)
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+    for name in ("hud", "panel"):
+        box = page.locator(f"#{name}").bounding_box()
+        assert min(box["x"], box["y"]) >= 0
+        assert box["x"] + box["width"] <= 390
+        assert box["y"] + box["height"] <= 844
+    for name in ("upload", "sit", "lie", "restart", "pause", "timeline", "save"):
+        page.locator(f"#{name}").scroll_into_view_if_needed()
+        box = page.locator(f"#{name}").bounding_box()
+        assert min(box["x"], box["y"]) >= 0
+        assert box["x"] + box["width"] <= 390
+        assert box["y"] + box["height"] <= 844
+    page.set_viewport_size({"width": 860, "height": 480})
+
+
+def test_the_accessibility_rules_of_wcag_hold(page: Any):
+    script = next((f for f in AXE if f.is_file()), None)
+    if script is None:
+        pytest.skip("needs the npm package axe-core (npm ci, or ROAM_TEST_NODE_MODULES)")
+    restart(page)
+    page.evaluate(script.read_text())
+    tags = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
+    found = page.evaluate("(tags) => axe.run({ runOnly: tags })", tags)
+    assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found["violations"]] == []
+    assert len(found["passes"]) > 10

@@ -6,6 +6,8 @@ import httpx
 import numpy as np
 import pytest
 from fastapi import FastAPI
+from roam_character.formats.gltf_document import GltfDocument
+from roam_character.skeleton import humanoid_skeleton
 from roam_command.page import PageService, Upload
 
 ROOT = Path(__file__).parents[2]
@@ -70,3 +72,37 @@ async def test_a_broken_file_is_refused_in_words(http: httpx.AsyncClient):
 @pytest.mark.parametrize("path", ["../page.py", "%2e%2e/page.py", "..%2f..%2fpyproject.toml", "nothing.js"])
 async def test_only_the_pages_own_files_are_served(http: httpx.AsyncClient, path: str):
     assert (await http.get(f"/viewer/{path}")).status_code == 404
+
+
+def shown(frames: int) -> bytes:
+    """What the page sends: frames of somebody standing, then the furniture."""
+    row = np.concatenate([[0, 0.96, 0], np.tile([0, 0, 0, 1], 22)]).astype("<f4")
+    return np.array([frames, len(row)], "<u4").tobytes() + np.tile(row, (frames, 1)).tobytes() + CHAIR.read_bytes()
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+@pytest.mark.parametrize("format", ["glb", "bvh", "vrma"])
+async def test_what_was_shown_is_saved(http: httpx.AsyncClient, format: str, frames: int):
+    query = {"format": format, "object_format": "glb", "transform": str(np.eye(4).tolist())}
+    answer = await http.post("/viewer/save", params=query, content=shown(frames))
+    assert answer.status_code == 200, answer.text
+    assert answer.content.startswith(b"HIERARCHY" if format == "bvh" else b"glTF")
+    assert (b'"object"' in answer.content) == (format == "glb")
+
+
+@pytest.mark.parametrize(
+    ("format", "content"), [("exe", shown(1)), ("glb", b""), ("glb", shown(1)[:40]), ("glb", b"\xff" * 400)]
+)
+async def test_what_cannot_be_saved_is_refused_in_words(http: httpx.AsyncClient, format: str, content: bytes):
+    query = {"format": format, "object_format": "glb", "transform": str(np.eye(4).tolist())}
+    answer = await http.post("/viewer/save", params=query, content=content)
+    assert answer.status_code == 422
+    assert len(answer.json()["detail"]) > 20
+
+
+async def test_the_figure_has_the_joints_of_the_default_skeleton(http: httpx.AsyncClient):
+    content = (await http.get("/viewer/figure.glb")).content
+    document = GltfDocument.read(content)
+    names = [node["name"] for node in document.json["nodes"]]
+    assert names[:22] == list(humanoid_skeleton().joint_names)
+    assert len(content) < 2_000_000

@@ -98,20 +98,24 @@ def _furniture(path: Path, source: Path, object: Object) -> "Furniture | None":
 def furniture_of(source: Path, object: Object) -> "Furniture":
     """The object as its file has it: materials, normals, texture coordinates and hierarchy of a glTF file are kept,
     other meshes get normals, clouds stay points."""
+    return furniture_from(source.read_bytes(), format_of(source), object.object_to_world, folder=source.parent)
+
+
+def furniture_from(data: bytes, format: str, to_world: np.ndarray, *, folder: Path | None = None) -> "Furniture":
+    """The same from a file's bytes; `to_world` [4, 4]. Buffers beside a .gltf are looked for in `folder`."""
     from roam_character.formats.gltf_document import GltfDocument, GltfError
     from roam_character.formats.scene import Furniture
 
-    data, format = source.read_bytes(), format_of(source)
     if format in ("glb", "gltf"):
         try:
-            document = GltfDocument.read(data, folder=source.parent)
+            document = GltfDocument.read(data, folder=folder)
             document.node_worlds()
         except GltfError:
             pass
         else:
             document.json.pop("animations", None)
-            return Furniture(document, object.object_to_world)
-    return Furniture(_plain(data, format), object.object_to_world)
+            return Furniture(document, to_world)
+    return Furniture(_plain(data, format), to_world)
 
 
 def _plain(data: bytes, format: str) -> Any:

@@ -17,6 +17,7 @@ from roam_serving.monitoring.readiness import Readiness
 from starlette.staticfiles import StaticFiles
 
 from roam_command.installation import bundled_objects
+from roam_command.page_files import figure_glb, saved
 
 FOLDER = Path(__file__).parent / "viewer"
 
@@ -84,6 +85,20 @@ class PageService:
             if not 0 <= index < len(self._uploads):
                 return JSONResponse({"detail": f"no object {index}"}, status_code=404)
             return FileResponse(self._uploads[index].path, media_type="application/octet-stream")
+
+        @router.get("/viewer/figure.glb")
+        async def figure() -> Response:
+            content = await asyncio.to_thread(figure_glb)
+            return Response(content, media_type="model/gltf-binary", headers={"Cache-Control": "no-cache"})
+
+        @router.post("/viewer/save")
+        async def save(request: Request, format: str, object_format: str, transform: str) -> Response:
+            data = await request.body()
+            try:
+                content = await asyncio.to_thread(saved, data, format, object_format, transform)
+            except ValueError as error:
+                return JSONResponse({"detail": str(error)}, status_code=422)
+            return Response(content, media_type="application/octet-stream")
 
         @router.post("/viewer/mesh")
         async def mesh(request: Request, format: str) -> Response:

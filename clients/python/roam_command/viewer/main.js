@@ -1,7 +1,7 @@
 // The demo: object -> goal pose -> walking character. Wires the page's parts together; each part is in its own file.
 
 import * as THREE from "three";
-import { Character } from "./character.js";
+import { Character, loadFigure } from "./character.js";
 import { makeFurniture, readMesh } from "./furniture.js";
 import { Action, EventType } from "./messages.js";
 import * as panel from "./panel.js";
@@ -20,7 +20,10 @@ const stage = new Stage(at("stage"));
 const playback = new Playback();
 const steering = new Steering();
 
-let character, ghost, furniture, object, goal, session, stream;
+let character, ghost, furniture, object, source, goal, session, stream;
+let chosen = "0"; // value of the selector for the object in use
+let uploads = 0; // counts what was asked for: an answer that comes after a newer question is dropped
+let ownFile = null;
 let work = null; // AbortController of the goal pose being made
 let phase = "loading";
 let paused = false;
@@ -34,13 +37,16 @@ function setPhase(text) {
 /** Runs what a button or file started; a failure becomes text on the page. */
 async function attempt(action) {
   panel.hideError();
+  const before = phase;
   try {
     await action();
   } catch (error) {
     if (error.name === "AbortError") return;
-    setPhase("stopped");
+    // What runs goes on: a file that cannot be used takes nothing away.
+    setPhase(stream ? before : "stopped");
     panel.showError(error.message);
   } finally {
+    at("objects").value = chosen;
     enableButtons();
   }
 }
@@ -49,6 +55,7 @@ function enableButtons() {
   at("sit").disabled = at("lie").disabled = !object;
   at("stand").disabled = at("pause").disabled = !stream;
   at("restart").disabled = !goal;
+  at("save").disabled = !goal;
   at("sit").classList.toggle("current", goal?.action === "sit");
   at("lie").classList.toggle("current", goal?.action === "lie");
 }
@@ -56,14 +63,19 @@ function enableButtons() {
 // Object
 
 async function useObject(bytes, options) {
-  work?.abort();
-  await endSession();
-  goal = object = undefined;
+  const mine = ++uploads;
   setPhase("reading the object");
   // First the service, which reads files in a process of its own; only what it took is read for display.
   const received = await services.uploadObject(bytes, options);
   const triangles = await services.readTriangles(bytes, options.format);
+  if (mine !== uploads) return;
+  work?.abort();
+  await endSession();
+  goal = undefined;
   object = received;
+  source = { ...options, bytes };
+  chosen = options.value;
+  showChosen(options.title);
   if (furniture) {
     stage.scene.remove(furniture);
     furniture.geometry.dispose();
@@ -76,13 +88,24 @@ async function useObject(bytes, options) {
   await makePose("sit");
 }
 
-async function useFile(file) {
-  const format = file.name.split(".").pop().toLowerCase();
-  await useObject(await file.arrayBuffer(), { format });
+/** The selector names what is in use; a file of one's own is one more entry. */
+function showChosen(title) {
+  if (chosen === "own") {
+    const entry = [...at("objects").options].find(({ value }) => value === "own") ?? new Option("", "own");
+    entry.text = title;
+    at("objects").add(entry);
+  }
+  at("objects").value = chosen;
 }
 
-async function useBundled({ address, format, unit, up }) {
-  await useObject(await services.getBytes(address), { format, unit, up });
+async function useFile(file) {
+  const format = file.name.split(".").pop().toLowerCase();
+  await useObject(await file.arrayBuffer(), { format, value: "own", title: file.name });
+  ownFile = file;
+}
+
+async function useBundled({ address, format, unit, up }, value) {
+  await useObject(await services.getBytes(address), { format, unit, up, value });
 }
 
 // Goal pose
@@ -109,6 +132,7 @@ async function makePose(action) {
   ghost.setPose(goal.pose.root_position, goal.pose.rotations);
   ghost.group.visible = at("ghost").checked;
   panel.showPose(goal);
+  panel.showWarnings([...(object.warnings ?? []), ...(goal.warnings ?? [])]);
   if (!stream) await beginSession();
   goToGoal();
 }
@@ -222,6 +246,23 @@ function steer() {
   }
 }
 
+// Files
+
+async function save() {
+  const format = at("save-format").value;
+  const frames = playback.frames.length ? playback.frames : [{
+    root: goal.pose.root_position, rotations: goal.pose.rotations.flat(),
+  }];
+  const blob = format === "png"
+    ? await stage.picture()
+    : await services.saveMotion(frames, { format, source, transform: object.object_to_world });
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = `${goal.action}.${format}`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}
+
 // Input
 
 function bindButtons() {
@@ -232,8 +273,17 @@ function bindButtons() {
   at("pause").onclick = togglePause;
   at("follow").onchange = (event) => (stage.follow = event.target.checked);
   at("ghost").onchange = (event) => (ghost.group.visible = event.target.checked && Boolean(goal));
-  at("file").onchange = (event) => event.target.files[0] && attempt(() => useFile(event.target.files[0]));
-  at("upload").onkeydown = (event) => ["Enter", " "].includes(event.key) && at("file").click();
+  at("file").onchange = (event) => {
+    const [file] = event.target.files;
+    event.target.value = ""; // the same file may be chosen again
+    if (file) attempt(() => useFile(file));
+  };
+  at("upload").onclick = () => at("file").click();
+  at("pieces").onchange = (event) =>
+    attempt(() => useObject(source.bytes, { ...source, piece: event.target.value, value: chosen }));
+  // The right end is live; steps and the moving end differ by a rounding.
+  at("timeline").oninput = ({ target: { value, max } }) => (playback.held = value > max - 0.02 ? null : Number(value));
+  at("save").onclick = () => attempt(save);
   at("error").querySelector("button").onclick = panel.hideError;
   addEventListener("beforeunload", () => session && services.deleteSession(session.name));
 }
@@ -297,6 +347,7 @@ function draw(now) {
   const seconds = Math.min(0.25, (now - last) / 1000);
   last = now;
   if (stream && playback.show(character, paused ? 0 : seconds)) stage.followPoint(character.hips, seconds);
+  panel.showTime(playback.held ?? 0, stream && playback.newest ? playback.newest.time : null, playback.held === null);
   // Where the character takes the goal pose, the ghost makes room for it.
   ghost.fade(Math.min(1, (distanceToGoal() ?? 1) / 0.4));
   panel.showFrame(stream ? playback.newest : null, paused ? 0 : playback.rate, distanceToGoal());
@@ -307,22 +358,26 @@ function draw(now) {
 }
 
 async function begin() {
-  const [skeleton, { objects }] = await Promise.all([
+  const [skeleton, { objects }, figure] = await Promise.all([
     services.getJson("/v1/skeletons/default"),
     services.getJson("/viewer/objects"),
+    loadFigure("/viewer/figure.glb"),
   ]);
-  character = new Character(skeleton);
-  ghost = new Character(skeleton, { ghost: true });
+  character = new Character(skeleton, figure);
+  ghost = new Character(skeleton, figure, { ghost: true });
   stage.scene.add(character.group, ghost.group);
   for (const [i, { title }] of objects.entries()) at("objects").add(new Option(title, i));
-  at("objects").onchange = (event) => attempt(() => useBundled(objects[event.target.value]));
+  at("objects").onchange = (event) => {
+    const { value } = event.target;
+    attempt(() => (value === "own" ? useFile(ownFile) : useBundled(objects[value], value)));
+  };
   bindButtons();
   bindKeys();
   bindStage();
   bindDrop();
   setInterval(steer, STEER_EVERY);
   requestAnimationFrame(draw);
-  await useBundled(objects[0]);
+  await useBundled(objects[0], "0");
 }
 
 // What the screenshot test asks: it compares the picture with and without the character.

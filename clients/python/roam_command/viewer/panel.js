@@ -29,18 +29,41 @@ export function hideError() {
 export function showObject(object) {
   const [low, high] = object.bounds;
   const size = high.map((value, i) => ((value - low[i]) * 100).toFixed(0)).join(" × ");
-  const doubts = (object.warnings ?? []).map((warning) => warning.message).join(" ");
-  at("object-note").textContent = `${size} cm (width × height × depth). ${doubts}`;
+  at("object-note").textContent = `${size} cm (width × height × depth).`;
+  showPieces(object.pieces ?? []);
+  showWarnings(object.warnings ?? []);
+}
+
+/** What stands in a file of several; the chosen one can be changed. */
+function showPieces(pieces) {
+  at("pieces-row").hidden = pieces.length < 2;
+  const title = ({ name, bounds: [low, high] }) =>
+    `${name} (${high.map((value, i) => ((value - low[i]) * 100).toFixed(0)).join(" × ")} cm)`;
+  at("pieces").replaceChildren(...pieces.map((piece) => new Option(title(piece), piece.name, false, piece.chosen)));
+}
+
+/** Doubts that a person should see before trusting the result, such as a seat too short to lie on. */
+export function showWarnings(warnings) {
+  at("warnings").hidden = warnings.length === 0;
+  at("warnings").textContent = warnings.map((warning) => warning.message).join(" ");
+}
+
+export function showTime(shown, newest, live) {
+  const slider = at("timeline");
+  slider.disabled = newest === null;
+  if (newest === null) return;
+  slider.max = newest.toFixed(2);
+  if (live) slider.value = slider.max;
+  const text = live ? "live" : `${shown.toFixed(1)} s of ${newest.toFixed(1)} s; the right end is live`;
+  if (at("timeline-note").textContent !== text) at("timeline-note").textContent = text;
 }
 
 export function showPose(goal) {
   const centimetres = (metres) => (metres === undefined ? "–" : `${(100 * metres).toFixed(1)} cm`);
   const { hip_seat_distance: hips, penetration_depth: depth } = goal.diagnostics;
-  const doubts = (goal.warnings ?? []).map((warning) => warning.message).join(" ");
   at("pose-note").innerHTML =
     `hips to seat <b>${centimetres(hips)}</b>, penetration <b>${centimetres(depth)}</b>, ` +
-    `energy <b>${goal.energies.total.toFixed(3)}</b> in <b>${goal.seconds.toFixed(1)} s</b> <span></span>`;
-  at("pose-note").querySelector("span").textContent = doubts;
+    `energy <b>${goal.energies.total.toFixed(3)}</b> in <b>${goal.seconds.toFixed(1)} s</b>`;
 }
 
 export function showPoseText(text) {

@@ -1,7 +1,7 @@
 // From frames at 30 Hz that arrive a little unevenly to a body that moves evenly at the screen's rate.
 
 const BEHIND = 0.06; // [s] how far the picture runs behind the newest frame: about two frames
-const KEPT = 60;
+const KEPT = 9000; // five minutes that can be looked at again and saved
 
 export class Playback {
   constructor() {
@@ -12,6 +12,7 @@ export class Playback {
     this.frames = [];
     this.time = null;
     this.arrivals = [];
+    this.held = null; // [s] the time looked at, null: live
   }
 
   push(frame) {
@@ -36,19 +37,29 @@ export class Playback {
   /** Advances by `seconds` and poses the character; false while there is nothing to show. */
   show(character, seconds) {
     if (!this.newest) return false;
+    if (this.held !== null) return this.pose(character, this.held);
     const wanted = this.newest.time - BEHIND;
     this.time = this.time === null ? wanted : this.time + seconds;
     // Drift is pulled in gently; a long gap (a hidden tab, a break) is jumped over.
     const drift = wanted - this.time;
     this.time += Math.abs(drift) > 0.5 ? drift : drift * Math.min(1, 3 * seconds);
-    const next = this.frames.findIndex((frame) => frame.time >= this.time);
-    if (next <= 0) {
+    return this.pose(character, this.time);
+  }
+
+  pose(character, time) {
+    let low = 0, next = this.frames.length; // the first frame at or after `time`
+    while (low < next) {
+      const middle = (low + next) >> 1;
+      if (this.frames[middle].time >= time) next = middle;
+      else low = middle + 1;
+    }
+    if (next === 0 || next === this.frames.length) {
       const only = next === 0 ? this.frames[0] : this.newest;
       character.setPose(only.root, only.rotations);
       return true;
     }
     const a = this.frames[next - 1], b = this.frames[next];
-    character.setBetween(a, b, (this.time - a.time) / (b.time - a.time));
+    character.setBetween(a, b, (time - a.time) / (b.time - a.time));
     return true;
   }
 }

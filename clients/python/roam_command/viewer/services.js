@@ -35,8 +35,8 @@ const postJson = (path, body, options = {}) =>
   });
 
 /** Uploads furniture to goalpose; `unit` and `up` are detected when not given. */
-export async function uploadObject(bytes, { format, unit, up }) {
-  const query = new URLSearchParams({ format, ...(unit && { unit }), ...(up && { up }) });
+export async function uploadObject(bytes, { format, unit, up, piece }) {
+  const query = new URLSearchParams({ format, ...(unit && { unit }), ...(up && { up }), ...(piece && { piece }) });
   const headers = { "Content-Type": "application/octet-stream" };
   return (await request(`/v1/objects?${query}`, { method: "POST", body: bytes, headers })).json();
 }
@@ -45,6 +45,20 @@ export async function uploadObject(bytes, { format, unit, up }) {
 export async function readTriangles(bytes, format) {
   const headers = { "Content-Type": "application/octet-stream" };
   return (await request(`/viewer/mesh?format=${format}`, { method: "POST", body: bytes, headers })).arrayBuffer();
+}
+
+/** Frames ({ root, rotations }) and the furniture's file as a file of another format (Blob). */
+export async function saveMotion(frames, { format, source, transform }) {
+  const width = 3 + frames[0].rotations.length;
+  const table = new Float32Array(frames.length * width);
+  frames.forEach((frame, i) => {
+    table.set(frame.root, i * width);
+    table.set(frame.rotations, i * width + 3);
+  });
+  const body = new Blob([new Uint32Array([frames.length, width]), table, source.bytes]);
+  const query = new URLSearchParams({ format, object_format: source.format, transform: JSON.stringify(transform) });
+  const headers = { "Content-Type": "application/octet-stream" };
+  return (await request(`/viewer/save?${query}`, { method: "POST", body, headers })).blob();
 }
 
 /** Fits a pose; `onProgress` sees the optimisation settle. Answers the goal pose. */

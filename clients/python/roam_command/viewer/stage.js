@@ -29,7 +29,7 @@ export class Stage {
     this.scene.fog = new THREE.Fog(BACKDROP, 9, 22);
     this.camera = new THREE.PerspectiveCamera(40, 1, 0.05, 60);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.enableDamping = true;
+    this.controls.enableDamping = !matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.controls.maxPolarAngle = Math.PI * 0.495;
     this.controls.minDistance = 0.8;
     this.controls.maxDistance = 14;
@@ -146,6 +146,12 @@ export class Stage {
     // middle of what is left.
     const wide = width > 820;
     this.camera.setViewOffset(width, height, wide ? -150 : 0, wide ? 0 : 0.2 * height, width, height);
+  }
+
+  /** The picture as a PNG file (Blob). */
+  picture() {
+    this.draw(); // in the same task: a canvas forgets its picture after it was shown
+    return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
   }
 
   draw() {

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from roam_character.figure.person import figure_mesh
+from roam_character.formats.figure_gltf import figure_primitives
 from roam_character.formats.gltf_document import GltfDocument, compose, decompose, node_matrix
-from roam_character.mesh import body_mesh
 from roam_character.retargeting.onto_rig import RigMotion
 from roam_character.retargeting.proportions import rest_positions
 
@@ -78,9 +79,9 @@ def _animate(document: GltfDocument, motion: RigMotion, name: str) -> None:
 
 
 def _add_body(document: GltfDocument, motion: RigMotion) -> None:
-    """The stand-in body, bound to the rig's joints as they stand in the T-pose."""
+    """The figure, bound to the rig's joints as they stand in the T-pose."""
     fit = motion.fit
-    body, places = body_mesh(fit.skeleton), rest_positions(fit.skeleton)
+    body, places = figure_mesh(fit.skeleton), rest_positions(fit.skeleton)
     joint_of = {bone: joint for joint, bone in fit.carriers.items()}
     slots: list[int] = []
     for bone, parent in enumerate(fit.skeleton.parents):
@@ -92,21 +93,10 @@ def _add_body(document: GltfDocument, motion: RigMotion) -> None:
         place = places[fit.skeleton.index(names[joint])]
         place = place + (fit.hips_offset if names[joint] == "hips" else 0)
         inverse.append(np.linalg.inv(compose(place / fit.scale, fit.turns[joint], sizes[joint])))
-    weights = np.zeros((len(body.vertices), 4))
-    weights[:, 0] = 1
     # A skin may name a node once only: bones that share a joint share its slot.
     unique = list(dict.fromkeys(slots))
-    joints = np.zeros((len(body.vertices), 4), int)
-    joints[:, 0] = np.array([unique.index(j) for j in slots])[body.joints]
-    attributes = {
-        "POSITION": document.accessor(body.vertices / fit.scale, target=34962, bounds=True),
-        "NORMAL": document.accessor(body.normals, target=34962),
-        "JOINTS_0": document.accessor(joints, "H", target=34962),
-        "WEIGHTS_0": document.accessor(weights, target=34962),
-    }
-    material = document.material("body", (0.86, 0.52, 0.32, 1.0))
-    faces = document.accessor(body.faces.reshape(-1), "I", target=34963)
-    mesh = {"name": "body", "primitives": [{"attributes": attributes, "indices": faces, "material": material}]}
+    joints = np.array([unique.index(j) for j in slots])[body.joints]
+    mesh = figure_primitives(document, body, joints, scale=1 / fit.scale)
     matrices = np.stack([inverse[slots.index(j)] for j in unique]).transpose(0, 2, 1)
     skin = {
         "joints": [fit.rig.nodes[j] for j in unique],

@@ -1,4 +1,4 @@
-"""GLB (binary glTF 2.0) of a pose or a motion: the user's character or the stand-in body, the furniture beside it.
+"""GLB (binary glTF 2.0) of a pose or a motion: the user's character or the figure, the furniture beside it.
 
 A motion's nodes hold the rest pose and one animation moves them (one rotation track for each joint and the root's
 translation, LINEAR, signs without jumps); a still pose is in the nodes. The stand-in's joints end in leaf nodes at
@@ -12,16 +12,17 @@ from typing import Any
 import numpy as np
 
 from roam_character.clip import Clip
+from roam_character.figure.person import figure_mesh
 from roam_character.formats.character_glb import character_document
+from roam_character.formats.figure_gltf import figure_primitives
 from roam_character.formats.gltf_document import GltfDocument
 from roam_character.formats.registry import Format
 from roam_character.formats.scene import Furniture, Scene
-from roam_character.mesh import body_mesh, corner_normals, rest_origins
+from roam_character.mesh import corner_normals, rest_origins
 from roam_character.pose import Pose
 from roam_character.retargeting.onto_rig import continuous
 from roam_character.skeleton import Skeleton
 
-_BODY_COLOUR = (0.86, 0.52, 0.32, 1.0)
 _OBJECT_COLOUR = (0.62, 0.66, 0.72, 1.0)
 
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices [V, 3] [m], faces [F, 3]
@@ -89,7 +90,7 @@ def _add_furniture(document: GltfDocument, furniture: Furniture) -> None:
 
 
 def body_document(clip: Clip, *, still: bool, name: str = "motion") -> GltfDocument:
-    """The stand-in body on our skeleton, moving as the clip does."""
+    """The figure on our skeleton, moving as the clip does."""
     document, skeleton = GltfDocument(), clip.skeleton
     _add_skeleton(document, clip, still=still)
     body = _add_body(document, skeleton)
@@ -120,19 +121,8 @@ def _unit(turn: np.ndarray) -> np.ndarray:
 
 
 def _add_body(document: GltfDocument, skeleton: Skeleton) -> int:
-    body = body_mesh(skeleton)
-    joints = np.zeros((len(body.vertices), 4))
-    joints[:, 0] = body.joints
-    weights = np.tile(np.array([1.0, 0, 0, 0]), (len(body.vertices), 1))
-    attributes = {
-        "POSITION": document.accessor(body.vertices, target=34962, bounds=True),
-        "NORMAL": document.accessor(body.normals, target=34962),
-        "JOINTS_0": document.accessor(joints, "H", target=34962),
-        "WEIGHTS_0": document.accessor(weights, target=34962),
-    }
-    indices = document.accessor(body.faces.reshape(-1), "I", target=34963)
-    primitive = {"attributes": attributes, "indices": indices, "material": document.material("body", _BODY_COLOUR)}
-    mesh = document.add("meshes", {"name": "body", "primitives": [primitive]})
+    body = figure_mesh(skeleton)
+    mesh = document.add("meshes", figure_primitives(document, body, body.joints))
     # Tips belong to the skin without moving anything: Blender then ends the last bones where they are.
     origins = rest_origins(skeleton)
     tips = [origins[tip.parent] + np.array(tip.offset) for tip in skeleton.tips]

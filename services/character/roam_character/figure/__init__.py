@@ -1,0 +1,1 @@
+"""The figure that stands for a person: a clothed, skinned surface of our own, on any humanoid skeleton."""
