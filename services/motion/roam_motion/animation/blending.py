@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
+from roam_motion.animation.elementary import arccosine, exponential, sigmoid
 from roam_motion.animation.figure import Figure, Frame, orthonormal, six, unit
 from roam_motion.animation.prediction import Goals, Prediction, goal_orientations, world_axes
 from roam_motion.animation.state import FUTURE, Characters
@@ -39,7 +40,7 @@ WHOLE = Blending()
 
 def distance_weight(distance: Tensor) -> Tensor:
     """Sigmoid weight of the mean joint distance to the goal pose [m]. [...] -> [...]."""
-    return 1 - torch.sigmoid(_STEEPNESS * (distance - _HALFWAY))
+    return 1 - sigmoid(_STEEPNESS * (distance - _HALFWAY))
 
 
 def limited(value: Tensor, target: Tensor, rise: float, fall: float) -> Tensor:
@@ -105,7 +106,7 @@ def limit_turns(figure: Figure, before: Tensor, wanted: Tensor, active: Tensor, 
     `hurry` times as fast as bones turn by themselves.
     """
     cosine = ((before * wanted).sum((-1, -2)) - 1) / 2  # from the trace of the relative rotation
-    angle = torch.acos(cosine.clamp(-1 + 1e-6, 1 - 1e-6))
+    angle = arccosine(cosine.clamp(-1 + 1e-6, 1 - 1e-6))
     walking = torch.full_like(angle[0], _FASTEST_TURN[0])
     walking[figure.legs.flatten()] = _FASTEST_LEG
     most = hurry * torch.where(active[:, None] > 0.5, _FASTEST_TURN[1], walking)
@@ -120,6 +121,6 @@ def blend_trajectory(answer: Prediction, root: Frame, facing: Frame, goals: Goal
     goal_places, goal_directions = facing.points_out(back[..., :2]), facing.turn_out(back[..., 2:4])
     k = torch.arange(1, FUTURE + 1, dtype=places.dtype)
     apart = (places - facing.origin[:, None]).norm(dim=-1)
-    weight = (k / (FUTURE + 1)).pow(apart.square())[..., None]
+    weight = exponential(apart.square() * (k / (FUTURE + 1)).log())[..., None]
     directions = unit(torch.lerp(directions, goal_directions, weight))
     return torch.cat([torch.lerp(places, goal_places, weight), directions], -1)

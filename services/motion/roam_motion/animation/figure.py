@@ -12,6 +12,8 @@ import torch
 from roam_character.skeleton import Skeleton, humanoid_skeleton
 from torch import Tensor
 
+from roam_motion.animation.elementary import sinc
+
 CONTACT_JOINTS = ("leftFoot", "leftToes", "rightFoot", "rightToes")
 _LEGS = (
     ("leftUpperLeg", "leftLowerLeg", "leftFoot", "leftToes"),
@@ -160,8 +162,9 @@ def turn_between(u: Tensor, v: Tensor) -> Tensor:
 def turn_about(vectors: Tensor) -> Tensor:
     """The rotation about each vector by its length [rad]. [..., 3] -> [..., 3, 3]."""
     angle = torch.linalg.vector_norm(vectors, dim=-1)[..., None, None] / torch.pi  # [half turns]
+    whole, half = sinc(torch.stack([angle, angle / 2])).unbind()
     skew = _skew(vectors)
-    return _IDENTITY + skew * angle.sinc() + skew @ skew * (0.5 * (angle / 2).sinc().square())
+    return _IDENTITY + skew * whole + skew @ skew * (0.5 * half.square())
 
 
 def quaternions(matrices: Tensor) -> Tensor:

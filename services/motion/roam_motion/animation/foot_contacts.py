@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
+from roam_motion.animation.elementary import sine
 from roam_motion.animation.figure import Figure, turn_between, unit
 from roam_motion.animation.state import FRAME_RATE, PLACE, Characters
 from roam_motion.animation.stepping import Steps, rise
@@ -158,7 +159,7 @@ def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: 
     toes_held = (weights[:, 1::2, None] >= 1) & ~heel_held
     ankle = torch.where(toes_held, by_toes, by_heel)
     apart = vector_norm((locks - track)[:, ::2], dim=-1)
-    arc = torch.sin(torch.pi * weights[:, ::2]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
+    arc = sine(torch.pi * weights[:, ::2]) * (apart / 0.05).clamp_max(1.0) * _LIFT * seated[:, None]
     height = (free[..., 1] + arc).clamp_min(_LEAST_ANKLE)
     # Where both are held the foot's pitch is given: the ankle stands over the toes, or they would slide.
     sole = torch.minimum(track[:, 1::2, 1], locks[:, 1::2, 1]).clamp_min(_LEAST_TOES)

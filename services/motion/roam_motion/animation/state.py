@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from roam_motion.actions import STYLES, WALK
+from roam_motion.animation.elementary import cosine, sine
 from roam_motion.animation.figure import CONTACT_JOINTS
 from roam_motion.animation.manner import NAMES
 from roam_motion.animation.rows import join, row_width, split_tensor
@@ -107,4 +108,4 @@ def strolling(characters: Characters) -> Tensor:
 def phase_vector(phase: Tensor) -> Tensor:
     """[...] phase in turns -> [..., 2] (sin, cos)."""
     angle = phase * (2 * torch.pi)
-    return torch.stack([angle.sin(), angle.cos()], -1)
+    return torch.stack([sine(angle), cosine(angle)], -1)

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
+from roam_motion.animation.elementary import arctangent, cosine, sine
 from roam_motion.animation.figure import Figure, unit
 from roam_motion.animation.manner import of
 from roam_motion.animation.prediction import Goals
@@ -148,7 +149,7 @@ def _places(figure: Figure, characters: Characters, goals: Goals, ankle: Tensor,
     middle = (goals.positions[:, _KEY] - BEHIND * scale * ahead)[:, None]
     floor = middle + aside * left[:, None]
     height = torch.full_like(floor[..., 0], _FLAT * scale)
-    ways = out.cos() * ahead[:, None] + out.sin() * sides * left[:, None]
+    ways = cosine(out) * ahead[:, None] + sine(out) * sides * left[:, None]
     given = _given(goals)[:, None, None]
     floor, ways = torch.where(given, goals.feet[..., :2], floor), torch.where(given, goals.feet[..., 2:], ways)
     here = ((goals.active > 0.5) & ~_given(goals))[:, None, None]
@@ -187,9 +188,9 @@ def _turned(figure: Figure, arm: Tensor, ways: Tensor, left: Tensor) -> Tensor:
     """Ankle-to-toes vectors [B, 2, 3] on their way to flat feet that point along `ways`."""
     angle = _angle(arm[..., ::2], ways)
     turn = angle[..., None] * (1 - left)
-    sine, cosine = turn.sin()[..., 0], turn.cos()[..., 0]
+    sine_of, cosine_of = sine(turn)[..., 0], cosine(turn)[..., 0]
     x, z = arm[..., 0], arm[..., 2]
-    flat = unit(torch.stack([x * cosine + z * sine, z * cosine - x * sine], -1))
+    flat = unit(torch.stack([x * cosine_of + z * sine_of, z * cosine_of - x * sine_of], -1))
     length = figure.lengths[figure.legs[:, 3]]
     level = -_LEVEL * length
     down = level + left[..., 0] * (arm[..., 1] - level)
@@ -199,8 +200,7 @@ def _turned(figure: Figure, arm: Tensor, ways: Tensor, left: Tensor) -> Tensor:
 
 def _angle(here: Tensor, there: Tensor) -> Tensor:
     """The turn [...] [rad] about the vertical from floor directions (x, z) `here` to `there` [..., 2]."""
-    sine = here[..., 1] * there[..., 0] - here[..., 0] * there[..., 1]
-    return torch.atan2(sine, (here * there).sum(-1))
+    return arctangent(here[..., 1] * there[..., 0] - here[..., 0] * there[..., 1], (here * there).sum(-1))
 
 
 def _smooth(share: Tensor) -> Tensor:
@@ -209,4 +209,4 @@ def _smooth(share: Tensor) -> Tensor:
 
 def _arc(share: Tensor) -> Tensor:
     """Height of an ankle on its step [m]: 0 at both ends."""
-    return _LIFT * (torch.pi * share).sin()
+    return _LIFT * sine(torch.pi * share)

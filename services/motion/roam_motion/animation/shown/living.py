@@ -15,6 +15,7 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.actions import IDLE, LIE
+from roam_motion.animation.elementary import arctangent, sine
 from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, turn_between, unit
 from roam_motion.animation.manner import of
 from roam_motion.animation.shown.gait import Sway, sway
@@ -166,8 +167,8 @@ def gazed(figure: Figure, characters: Characters, positions: Tensor, life: Life)
     way = life.target - head - torch.tensor([0.0, _EYES, 0.0])
     here = figure.frame(positions)
     local = here.turn_in(way[:, None])[:, 0]
-    yaw = torch.atan2(local[:, 0], local[:, 2]).clamp(-_FURTHEST[0], _FURTHEST[0])
-    pitch = torch.atan2(-local[:, 1], local[:, ::2].square().sum(-1).clamp_min(1e-6).sqrt())
+    yaw = arctangent(local[:, 0], local[:, 2]).clamp(-_FURTHEST[0], _FURTHEST[0])
+    pitch = arctangent(-local[:, 1], local[:, ::2].square().sum(-1).clamp_min(1e-6).sqrt())
     wanted = torch.stack([yaw, pitch.clamp(-_FURTHEST[1], _FURTHEST[1])], -1) * life.looks[:, None]
     step = (_TURNS_IN[0] * (wanted - characters.gaze[:, :2])).clamp(-_TURNS_IN[1], _TURNS_IN[1])
     held = characters.gaze[:, 2:] + _TURNS_IN[0] * (life.looks[:, None] - characters.gaze[:, 2:])
@@ -178,12 +179,12 @@ def _breath(characters: Characters, clock: Tensor) -> Tensor:
     """-1 breathed out .. 1 breathed in [B]; in is quicker than out."""
     period = _BREATH[0] * (1 + _BREATH[1] * of(characters.manner, "breath"))
     phase = clock / period * (2 * math.pi)
-    return torch.sin(phase + 0.35 * torch.sin(phase))
+    return sine(phase + 0.35 * sine(phase))
 
 
 def _shift(clock: Tensor) -> Tensor:
     """Slow wandering between -1 and 1 about three axes [B, 3]."""
-    return torch.sin(clock[:, None, None] * _RATES).mean(-1)
+    return sine(clock[:, None, None] * _RATES).mean(-1)
 
 
 def _wander(clock: Tensor, period: float, channel: int) -> Tensor:
@@ -200,7 +201,8 @@ def _wander(clock: Tensor, period: float, channel: int) -> Tensor:
 def _looking(figure: Figure, orientations: Tensor, share: Tensor, gaze: Tensor, clock: Tensor) -> Tensor:
     """Orientations with neck and head turned to what is looked at, else a little here and there."""
     about = share * (1 - gaze[:, 2])
-    yaw = gaze[:, 0] + about * _GLANCE[0] * _wander(clock, _LOOK, 3).pow(3)  # mostly ahead
+    aside = _wander(clock, _LOOK, 3)
+    yaw = gaze[:, 0] + about * _GLANCE[0] * aside * aside * aside  # mostly ahead
     pitch = gaze[:, 1] + about * _GLANCE[1] * _wander(clock, _LOOK, 4)
     names = [name for name, _ in _HEAD]
     joints = torch.tensor(figure.skeleton.indices(names))

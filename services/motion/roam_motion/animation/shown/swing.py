@@ -11,6 +11,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from roam_motion.animation.elementary import arctangent
 from roam_motion.animation.figure import Figure, turn_about
 from roam_motion.animation.manner import of
 from roam_motion.animation.state import Characters, strolling
@@ -57,7 +58,7 @@ def swinging(figure: Figure, positions: Tensor, orientations: Tensor, share: Ten
     yaw = (of_trunk * share * twist[:, None]).clamp(-_MOST, _MOST).expand(-1, len(turned))
     orientations = _turned(orientations, turned, yaw, torch.tensor([0.0, 1.0, 0.0]))
     reach = local[:, arms[:, 2]] - local[:, arms[:, 0]]  # [B, 2, 3]
-    ahead = torch.atan2(reach[..., 2], -reach[..., 1]) - _HANGING
+    ahead = arctangent(reach[..., 2], -reach[..., 1]) - _HANGING
     pitch = (of_arms * share * ahead).clamp(-_MOST, _MOST).repeat_interleave(3, 1)
     left = torch.stack([root.direction[:, 1], torch.zeros_like(share[:, 0]), -root.direction[:, 0]], -1)[:, None]
     carried = torch.tensor([_BACK, _BACK - _BENT, _BACK - _BENT]).repeat(2)  # upper arm, lower arm, hand
@@ -66,7 +67,7 @@ def swinging(figure: Figure, positions: Tensor, orientations: Tensor, share: Ten
 
 def _yaw(across: Tensor) -> Tensor:
     """How far a line from right to left [B, 3] is turned about the vertical [B] [rad]."""
-    return torch.atan2(-across[:, 2], across[:, 0])
+    return arctangent(-across[:, 2], across[:, 0])
 
 
 def _turned(orientations: Tensor, joints: Tensor, angles: Tensor, axis: Tensor) -> Tensor:

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from roam_motion.actions import STYLES
+from roam_motion.animation.elementary import arctangent
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, Frame, six
 from roam_motion.animation.prediction import Goals, Prediction, goal_frame
 from roam_motion.animation.state import (
@@ -124,7 +125,7 @@ def _series_in(root: Frame, places: Tensor, directions: Tensor) -> tuple[Tensor,
 def _encode_gating(keys: Tensor, action: Tensor, places: Tensor, directions: Tensor) -> Tensor:
     phase = phase_vector(keys[..., PHASE.start])  # [B, 13, 2]
     distance = torch.linalg.vector_norm(places, dim=-1).clamp_max(3.0)
-    angle = torch.atan2(directions[..., 0], directions[..., 1])
+    angle = arctangent(directions[..., 0], directions[..., 1])
     # Labels become signs, so that every label is visible at every phase: a label of 0 would hide the phase.
     scales = torch.stack([torch.ones_like(distance), distance, angle], -1)  # [B, 13, 3]
     styles = (2 * keys[..., STYLE] - 1)[..., :, None] * phase[..., None, :]  # [B, 13, 4, 2]
