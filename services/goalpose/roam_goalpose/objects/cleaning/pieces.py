@@ -12,10 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from roam_character.distance import turn_about_y
 from scipy import ndimage
 
 from roam_goalpose.objects.errors import ObjectError
 from roam_goalpose.objects.geometry import Array, Geometry, Indices
+from roam_goalpose.objects.placing.heading import find_heading
 from roam_goalpose.objects.placing.size import describe_shape, expected_size
 from roam_goalpose.objects.placing.tilt import turn_to_y
 from roam_goalpose.objects.surfaces.sampling import sample_triangles, triangle_areas
@@ -54,7 +56,9 @@ def split(geometry: Geometry, *, up: Array) -> list[Piece]:
     """
     if geometry.faces is None:
         return [_piece(geometry, up)]
-    group = _groups(geometry)
+    group = _groups(geometry, np.eye(3))
+    if group.any():  # gaps may close in the cells of one turn and not of another: its own axes decide
+        group = _groups(geometry, _own_axes(geometry, up))
     count = int(group.max()) + 1
     if count == 1 or count > _MOST:
         return [_piece(geometry, up)]
@@ -115,18 +119,28 @@ def _strangeness(geometry: Geometry, up: Array) -> float:
     return expected.deviation + 0.5 * abs(float(np.log(height)) - expected.log_height)
 
 
-def _groups(geometry: Geometry) -> Indices:
-    """Which connected set of grid cells each triangle `[F]` lies in, numbered in the file's order."""
+def _own_axes(geometry: Geometry, up: Array) -> Array:
+    """The rotation `[3, 3]` that brings the object to its own axes, Y up."""
+    turn = turn_to_y(up)
+    yaw = find_heading(geometry.vertices @ turn.T, geometry.faces).yaw
+    own: Array = turn_about_y(yaw).T @ turn
+    return own
+
+
+def _groups(geometry: Geometry, axes: Array) -> Indices:
+    """Which connected set of cells, of a grid along the rows of `axes` `[3, 3]`, each triangle `[F]` lies in, numbered
+    in the file's order."""
     assert geometry.faces is not None
-    low = geometry.vertices.min(axis=0)
-    cell = max(float(np.ptp(geometry.vertices, axis=0).max()), 1e-12) / _CELLS
+    vertices = geometry.vertices @ axes.T
+    low = vertices.min(axis=0)
+    cell = max(float(np.ptp(vertices, axis=0).max()), 1e-12) / _CELLS
     grid = np.zeros([_CELLS + 4] * 3, dtype=bool)
-    grid[_cells(surface_samples(geometry)[0], low, cell)] = True
-    grid[_cells(geometry.vertices, low, cell)] = True
+    grid[_cells(surface_samples(geometry)[0] @ axes.T, low, cell)] = True
+    grid[_cells(vertices, low, cell)] = True
     labels, count = ndimage.label(grid, structure=np.ones((3, 3, 3)))
     if count == 1:
         return np.zeros(len(geometry.faces), np.int64)
-    triangles = geometry.triangles
+    triangles = vertices[geometry.faces]
     samples = sample_triangles(triangles, triangle_areas(triangles), _SAMPLES, seed=0).points
     inner = _cells(triangles.mean(axis=1), low, cell)
     grid[_cells(samples, low, cell)] = True
