@@ -29,7 +29,7 @@ _TEMPO = 0.85, 1.1  # captured ways down and up are played so many times as fast
 _SLOWER = 0.75, 0.87  # runs are played so many times as fast, too: captured ones begin at 2.5 m/s, walks end at 1.7
 _RUNS = 1.85  # [m/s]
 _TRIES = 5  # goals tried for an episode until one suits
-_VERSION = 9  # of the cached form
+_VERSION = 10  # of the cached form
 _OWN_HELD_OUT = (
     *("mm_", "acted_014", "genuine_014", "running_1_test"),
     *("113_15", "14_28", "14_32", "13_05", "19_12", "22_03", "111_10"),
