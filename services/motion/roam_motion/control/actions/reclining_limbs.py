@@ -24,6 +24,9 @@ _SOFTNESS = 2  # samples over which lifts and turns are smoothed
 _HAND = 0.30, 0.27  # [m] a hand that is put down, from the hips towards the head end, and beside the lying trunk
 _WRIST = 0.055  # [m] over the furniture
 _WITHIN = 0.06  # [m] of the furniture's edge
+# [m] a hand is not put down higher than this over the lying hips, nor where the furniture is nearer than the last to
+# its arm: at these heights over it, and with the elbow so far out.
+_HIGHEST, _ABOVE, _OUT, _ROOM = 0.06, (0.12, 0.26, 0.40), (0.0, 0.16), 0.09
 _LONGEST = 0.985  # share of an arm's length that a hand is put down at most
 
 
@@ -162,13 +165,14 @@ def hands_down(figure: Figure, place: Bed, way: Way, hips: Tensor, world: Tensor
     turned = world.clone()
     right, left = (1, 0) if place.sense > 0 else (0, 1)  # the hand at the head end is the one at the open side
     for side, spans, aside in ((right, way.near, 1.0), (left, way.far, -1.0)):
-        if spans is None:
+        hand = _hand_place(figure, place, aside) if spans is not None else None
+        if spans is None or hand is None:
             continue
         weight = (eased(share, spans[0]) * (1 - eased(share, spans[1])))[:, None]
         joints = limbs.arms[side]
         shoulder, elbow, wrist = positions[:, joints].unbind(1)
         lengths = vector_norm(elbow - shoulder, dim=-1, keepdim=True), vector_norm(wrist - elbow, dim=-1, keepdim=True)
-        target = torch.lerp(wrist, _hand_place(figure, place, aside).expand_as(wrist), weight)
+        target = torch.lerp(wrist, hand.expand_as(wrist), weight)
         out = torch.lerp(elbow - (shoulder + wrist) / 2, aside * place.aside - 0.5 * yaw[:, :, 2], weight)
         bent, end = _elbow(shoulder, target, lengths, out)
         upper = turn_between(elbow - shoulder, bent - shoulder)
@@ -177,16 +181,23 @@ def hands_down(figure: Figure, place: Bed, way: Way, hips: Tensor, world: Tensor
     return turned
 
 
-def _hand_place(figure: Figure, place: Bed, aside: float) -> Tensor:
-    """Where a wrist [3] is whose hand is put down on the open side (1) or the other one (-1)."""
+def _hand_place(figure: Figure, place: Bed, aside: float) -> Tensor | None:
+    """Where a wrist [3] is whose hand is put down on the open side (1) or the other one (-1); None where a rest is in
+    its way."""
     back, beside = (size(figure) * length for length in _HAND)
     seated = float((place.hips[0] - place.hips[1]) @ place.aside)
     if aside > 0:
         beside = min(max(seated, beside), max(place.edge - _WITHIN * size(figure), 0.0))
     point = place.hips[1] + aside * beside * place.aside - back * place.along
-    lowest = place.hips[1, 1] - 0.05
-    height = lowest if place.furniture is None else height_over(place.furniture, point, float(lowest), _WRIST)
-    return torch.stack([point[0], torch.as_tensor(height, dtype=point.dtype), point[2]])
+    lying = float(place.hips[1, 1])
+    if place.furniture is None:
+        return point + torch.tensor([0.0, -0.05, 0.0])
+    height = float(height_over(place.furniture, point, lying - 0.05, _WRIST))
+    point[1] = height
+    arm = [(above, out) for above in _ABOVE for out in _OUT]
+    over = point + torch.stack([torch.tensor([0.0, above, 0.0]) + out * aside * place.aside for above, out in arm])
+    free = bool((place.furniture.distance(over[None])[0] > _ROOM).all())
+    return point if free and height < lying + _HIGHEST else None
 
 
 def _elbow(shoulder: Tensor, wrist: Tensor, lengths: tuple[Tensor, Tensor], out: Tensor) -> tuple[Tensor, Tensor]:
