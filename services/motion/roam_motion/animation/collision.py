@@ -20,7 +20,7 @@ from roam_motion.animation.figure import Figure, turn_between, unit
 from roam_motion.animation.proportions import size
 
 _SKIN = 0.011  # [m] kept between body and furniture: the grid rounds thin parts off
-_ROUNDS = 3  # of pushing
+_ROUNDS = 8  # of pushing
 _FASTEST = 0.06, 0.04  # [m] a hand, a foot or the trunk is pushed per frame at most
 _MOVED = 0.01  # [m] a foot pushed farther than this cannot stay where it is
 _REACH = 0.9  # [m], for legs of 0.82 m, from the hips to the furniture's box within which limbs may touch it
