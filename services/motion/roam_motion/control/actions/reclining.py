@@ -36,8 +36,8 @@ from roam_motion.control.actions.ways import WAYS, Bed, Way, eased
 from roam_motion.control.seat import Seat, Transition
 
 _SAMPLES = 44  # poses that are planned, before they are timed
-_FASTEST = 0.034, 0.10  # [m], [rad] a joint moves, a bone turns per frame at most
-_EASE = 22  # frames from rest to full speed, and back
+_FASTEST = 0.040, 0.13  # [m], [rad] a joint moves, a bone turns per frame at most
+_EASE = 18  # frames from rest to full speed, and back
 _UPRIGHT = -0.12  # [rad] pitch of the hips on the edge
 _SEAT = 0.085  # [m] kept between seated hips and the furniture: a cushion gives way
 _ROUNDS = 2  # of clearing trunk and arms

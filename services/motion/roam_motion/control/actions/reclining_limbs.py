@@ -27,6 +27,7 @@ _WITHIN = 0.06  # [m] of the furniture's edge
 # [m] a hand is not put down higher than this over the lying hips, nor where the furniture is nearer than the last to
 # its arm: at these heights over it, and with the elbow so far out.
 _HIGHEST, _ABOVE, _OUT, _ROOM = 0.06, (0.12, 0.26, 0.40), (0.0, 0.16), 0.09
+_SWING = 0.30, 0.35  # [m] out and down from the shoulder, what a hand swings round by on its way down
 _LONGEST = 0.985  # share of an arm's length that a hand is put down at most
 
 
@@ -172,12 +173,18 @@ def hands_down(figure: Figure, place: Bed, way: Way, hips: Tensor, world: Tensor
         joints = limbs.arms[side]
         shoulder, elbow, wrist = positions[:, joints].unbind(1)
         lengths = vector_norm(elbow - shoulder, dim=-1, keepdim=True), vector_norm(wrist - elbow, dim=-1, keepdim=True)
-        target = torch.lerp(wrist, hand.expand_as(wrist), weight)
+        swings = shoulder + size(figure) * (_SWING[0] * aside * place.aside - torch.tensor([0.0, _SWING[1], 0.0]))
+        target = torch.lerp(
+            torch.lerp(wrist, swings, weight), torch.lerp(swings, hand.expand_as(wrist), weight), weight
+        )
         out = torch.lerp(elbow - (shoulder + wrist) / 2, aside * place.aside - 0.5 * yaw[:, :, 2], weight)
         bent, end = _elbow(shoulder, target, lengths, out)
         upper = turn_between(elbow - shoulder, bent - shoulder)
         lower = turn_between((upper @ (wrist - elbow)[..., None])[..., 0], end - bent) @ upper
-        turned[:, joints] = torch.stack([upper, lower, lower], 1) @ world[:, joints]
+        tip = (lower @ world[:, joints[2]] @ limbs.hands[side][:, None])[..., 0]
+        level = unit(tip * torch.tensor([1.0, 0.0, 1.0]) + 0.02 * aside * place.aside)
+        flat = turn_between(tip, torch.lerp(unit(tip), level, weight))
+        turned[:, joints] = torch.stack([upper, lower, flat @ lower], 1) @ world[:, joints]
     return turned
 
 
