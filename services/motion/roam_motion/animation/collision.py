@@ -261,7 +261,7 @@ def _arms_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientatio
         wrist = wrist + weight[:, None, None] * _shared(depth, push, limbs.arm_weights[:, 2])
         elbow = shoulder + lengths[0] * unit(elbow - shoulder)
         wrist = elbow + lengths[1] * unit(wrist - elbow)
-    far = vector_norm(wrist - arms[:, :, 2], dim=-1, keepdim=True)
+    far = vector_norm(torch.stack([elbow, wrist], 2) - arms[:, :, 1:], dim=-1).amax(-1, keepdim=True)
     share = (_FASTEST[0] / far.clamp_min(1e-6)).clamp_max(1.0)
     elbow, wrist = torch.lerp(arms[:, :, 1], elbow, share), torch.lerp(arms[:, :, 2], wrist, share)
     upper = turn_between(arms[:, :, 1] - shoulder, elbow - shoulder)
