@@ -56,9 +56,12 @@ def bed(wall=None):
     return Goal(lying_pose(), "lie", obstacles=(BED,), volume=volume)
 
 
-def way(goal=None, place=(2.0, 0.0)):
+def way(goal=None, place=(2.0, 0.0), manner=()):
     goal = goal or bed()
-    return transition(FIGURE, seat_of(FIGURE, goal, place))
+    return transition(FIGURE, seat_of(FIGURE, goal, place), manner)
+
+
+PERSONS = [(-2.0,), (0.0,), (2.0,)]  # who lie down in three ways
 
 
 def gaps(positions):
@@ -76,7 +79,8 @@ def test_the_way_begins_seated_on_the_edge_and_ends_in_the_goal(place):
     sign = np.sign(place[0])
     edge, goal = reclining.at(0), reclining.at(reclining.last)
     assert (edge.action, goal.action) == ("sit", "lie")
-    np.testing.assert_array_equal(reclining.positions[-1], goal.positions)
+    np.testing.assert_array_equal(reclining.positions[reclining.last], goal.positions)
+    assert reclining.at(reclining.end) is edge is reclining.entry
     np.testing.assert_allclose(edge.root[2:], [sign, 0.0], atol=0.02)  # faces the open side
     assert 0.1 < sign * edge.positions[0, 0] < 0.5  # hips over the bed
     assert TOP + 0.03 < edge.positions[0, 1] < TOP + 0.16
@@ -85,16 +89,47 @@ def test_the_way_begins_seated_on_the_edge_and_ends_in_the_goal(place):
     assert ((ankles[:, 1] > 0.05) & (ankles[:, 1] < 0.12)).all()  # on the floor
 
 
-def test_legs_come_over_the_edge_and_nothing_moves_too_fast():
-    reclining = way()
+@pytest.mark.parametrize("manner", PERSONS)
+def test_legs_come_over_the_edge_and_nothing_moves_too_fast(manner):
+    reclining = way(manner=manner)
     steps = np.linalg.norm(np.diff(reclining.positions, axis=0), axis=-1)
     assert steps.max() < 0.045
     assert steps[:2].max() < 0.01  # from rest
-    assert steps[-2:].max() < 0.012  # to rest
+    assert steps[reclining.last - 2 : reclining.last + 2].max() < 0.012  # to rest, and from it
+    assert steps[-2:].max() < 0.01
     assert gaps(reclining.positions).min() > 0.03
     turned = reclining.orientations
-    assert reclining.last < 150
+    assert 90 < reclining.last < 160
+    assert 90 < reclining.end - reclining.last < 160
     np.testing.assert_allclose(turned @ turned.swapaxes(-1, -2), np.broadcast_to(np.eye(3), turned.shape), atol=1e-4)
+
+
+def test_feet_come_up_one_after_the_other_and_a_hand_is_put_down():
+    for manner in PERSONS:
+        reclining = way(manner=manner)
+        down = reclining.positions[: reclining.last + 1]
+        feet = down[:, FIGURE.legs[:, 2], 1]
+        assert (feet.min(1) - down[:, 0, 1]).max() < 0.02  # never both over the hips
+        assert (feet.max(1) - feet.min(1)).max() > 0.15
+        hands = down[:, NAMES.indices(["leftHand", "rightHand"]), 1].min(1)
+        trunk = down[:, NAMES.index("neck")] - down[:, 0]
+        leans = np.degrees(np.arccos(trunk[:, 1] / np.linalg.norm(trunk, axis=-1)))
+        assert hands[(leans > 30) & (leans < 70)].min() < TOP + 0.17
+
+
+def test_persons_lie_down_differently_and_nobody_gets_up_the_same_way_backwards():
+    ways = [way(manner=manner) for manner in PERSONS]
+
+    def even(track):
+        return track[np.linspace(0, len(track) - 1, 40).round().astype(int)]
+
+    def apart(one, other):
+        return float(np.linalg.norm(even(one) - even(other), axis=-1).mean())
+
+    downs = [w.positions[: w.last + 1] for w in ways]
+    assert min(apart(downs[i], downs[j]) for i, j in ((0, 1), (0, 2), (1, 2))) > 0.05
+    assert min(apart(w.positions[: w.last + 1][::-1], w.positions[w.last :]) for w in ways) > 0.05
+    assert way(manner=(0.1,)) is way(manner=(0.0,))  # one person, one way
 
 
 def test_one_lies_down_from_the_side_without_a_board():
@@ -119,7 +154,7 @@ def obedient(state, intent, frames):
     return state, shown
 
 
-def test_control_sits_lies_and_gets_up_the_same_way():
+def test_control_sits_lies_and_gets_up():
     goal = bed()
     seat = seat_of(FIGURE, goal, (2.0, 0.0))
     state, down = obedient(Control(Plan(0, 0), INTERACT, seat), goal, 200)

@@ -94,8 +94,8 @@ def test_commands_come_before_the_body_moves(ways):
 
 def test_the_clip_itself_is_like_people():
     clip = leaning_clip()
-    assert like_people(SKELETON, clip.root_positions, clip.rotations, 62, 86)
-    assert not like_people(SKELETON, clip.root_positions, leaning_clip(15.0).rotations, 62, 86)
+    assert like_people(SKELETON, clip.root_positions, clip.rotations, 62, 86, 35.0, 0.0)
+    assert not like_people(SKELETON, clip.root_positions, leaning_clip(15.0).rotations, 62, 86, 35.0, 0.0)
 
 
 def test_balance_is_the_centre_of_mass_over_the_rear_foot():

@@ -20,7 +20,7 @@ from roam_motion.animation.figure import Figure, turn_between, unit
 from roam_motion.animation.proportions import size
 
 _SKIN = 0.011  # [m] kept between body and furniture: the grid rounds thin parts off
-_ROUNDS = 3  # of pushing
+_ROUNDS = 8  # of pushing
 _FASTEST = 0.06, 0.04  # [m] a hand, a foot or the trunk is pushed per frame at most
 _MOVED = 0.01  # [m] a foot pushed farther than this cannot stay where it is
 _REACH = 0.9  # [m], for legs of 0.82 m, from the hips to the furniture's box within which limbs may touch it
@@ -261,7 +261,7 @@ def _arms_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientatio
         wrist = wrist + weight[:, None, None] * _shared(depth, push, limbs.arm_weights[:, 2])
         elbow = shoulder + lengths[0] * unit(elbow - shoulder)
         wrist = elbow + lengths[1] * unit(wrist - elbow)
-    far = vector_norm(wrist - arms[:, :, 2], dim=-1, keepdim=True)
+    far = vector_norm(torch.stack([elbow, wrist], 2) - arms[:, :, 1:], dim=-1).amax(-1, keepdim=True)
     share = (_FASTEST[0] / far.clamp_min(1e-6)).clamp_max(1.0)
     elbow, wrist = torch.lerp(arms[:, :, 1], elbow, share), torch.lerp(arms[:, :, 2], wrist, share)
     upper = turn_between(arms[:, :, 1] - shoulder, elbow - shoulder)

@@ -8,6 +8,7 @@ floor.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor
@@ -33,7 +34,8 @@ _FASTEST = (
     0.06,
     0.07,
 )  # [m] an ankle moves per frame at most, walking at 0.9 m/s (3 m/s), seated, stepping by rule
-_FASTER = 0.055, 0.9, 1.6  # [m] that it may move farther when walking faster: all of it at 1.6 m/s
+# [m] that an ankle may move farther in a frame at a pace of so many [m/s]: runners' (1.9 to 3.5 m/s) move 0.15 to 0.23
+_FASTER = ((0.9, 0.0), (1.6, 0.055), (3.0, 0.13))
 _YIELD = 0.012  # [m] the pelvis gives way at most per frame; more would sink it into a lunge
 _FASTEST_TOES = 0.115  # [m] toes, which the foot's own turning carries further
 _STRIDE = 15  # frames over which the speed is measured
@@ -168,11 +170,13 @@ def _ankles(track: Tensor, locks: Tensor, weights: Tensor, eased: Tensor, arms: 
 
 
 def _hurry(characters: Characters) -> Tensor:
-    """What feet may move farther in a frame [B, 1] [m], of somebody who walks fast."""
+    """What feet may move farther in a frame [B, 1] [m], of somebody who walks fast or runs."""
     way = characters.past[:, -1, PLACE] - characters.past[:, -1 - _STRIDE, PLACE]
     speed = vector_norm(way, dim=-1, keepdim=True) * (FRAME_RATE / _STRIDE)
-    more, least, most = _FASTER
-    return more * ((speed - least) / (most - least)).clamp(0.0, 1.0)
+    more = torch.zeros_like(speed)
+    for (slow, less), (fast, most) in pairwise(_FASTER):
+        more = more + (most - less) * ((speed - slow) / (fast - slow)).clamp(0.0, 1.0)
+    return more
 
 
 def _not_too_fast(before: Tensor, ankle: Tensor, steps: Steps, seated: Tensor, hurry: Tensor) -> Tensor:

@@ -57,8 +57,8 @@ class Control(NamedTuple):
     since: int = 0  # frames in this mode
     waiting: int = 0  # frames close to the standing place without arriving
     clock: float = 0.0  # [s] of the living idle; starts where the seed says
-    along: float = 0.0  # frames of the planned way behind it, 0 in the entry pose
-    pace: float = 0.0  # frames of that way per frame, negative when getting up
+    along: float = 0.0  # frames of the planned way behind it, 0 in the entry pose, beyond its `last` on the way back
+    pace: float = 0.0  # frames of that way per frame, negative for who turns round on it
 
 
 class Body(NamedTuple):
@@ -109,7 +109,7 @@ def control(
     goals, free = GoalRows(figure, len(after)), []
     for row, state in enumerate(after):
         if state.mode != FREE and state.seat is not None:
-            _seated(figure, state, state.seat, goals, row)
+            _seated(figure, state, transition(figure, state.seat, bodies[row].manner), goals, row)
         else:
             free.append(row)
     aims = [_aim(figure, after[row], intents[row], bodies[row]) for row in free]
@@ -126,7 +126,7 @@ def _decided(figure: Figure, state: Control, intent: Intent, body: Body) -> Cont
     state = state._replace(since=state.since + 1, clock=state.clock + 1 / FRAME_RATE)
     if state.mode == INTERACT and _leaves(figure, state, intent, body):
         state = state._replace(mode=RISE, since=0)
-    if state.mode != FREE and state.seat is not None and (planned := transition(figure, state.seat)):
+    if state.mode != FREE and state.seat is not None and (planned := transition(figure, state.seat, body.manner)):
         state = _moved_along(planned, state, body)
     if state.mode == RISE and state.along == 0 and (_stands(figure, state, body) or state.since > _RISE_LIMIT):
         state = Control(Plan(body.x, body.z, yaw=body.yaw), seat=state.seat, clock=state.clock)
@@ -152,36 +152,41 @@ def _walk(
         goals.go(row, places[index], directions[index], (IDLE if still else WALK).style, feet)
 
 
-def _seated(figure: Figure, state: Control, seat: Seat, goals: GoalRows, row: int) -> None:
+def _seated(figure: Figure, state: Control, planned: Transition | None, goals: GoalRows, row: int) -> None:
     """Asks someone who takes a goal pose, holds it or leaves it for what comes next."""
-    planned, style = transition(figure, seat), ACTIONS[seat.action].style
+    seat = state.seat
+    assert seat is not None
+    style = ACTIONS[seat.action].style
     if state.mode == RISE and state.along == 0 and not (planned and state.since < _PAUSE):
         goals.go(row, seat.stand[:2], seat.stand[2:], IDLE.style, None)
         return
     urgency = (state.since - _LATE) / _URGENT
     if planned is not None:
         seat = planned.at(round(state.along))
-        if state.along <= planned.changes * planned.last:
+        if not planned.lies(state.along):
             style = ACTIONS[planned.entry.action].style
-        if state.along >= planned.last:
+        if state.along == planned.last:
             urgency = 1 - state.since / _HANDOVER[1]
         elif state.along > 0:
-            urgency = max(state.along / _HANDOVER[0], urgency)
+            urgency = max(min(state.along, planned.end - state.along) / _HANDOVER[0], urgency)
     feet = footing(figure, seat) if state.along == 0 else None
     goals.take(row, seat, style, min(max(urgency, 0.0), 1.0), feet)
 
 
 def _moved_along(planned: Transition, state: Control, body: Body) -> Control:
-    """One frame on between the entry pose and the goal pose: forth when interacting, back when rising."""
-    forth, end = state.mode == INTERACT, float(planned.last)
+    """One frame on: from the entry pose to the goal pose, and from there to the entry pose again when rising; who is
+    under way and shall do the other turns round."""
+    forth, last, end = state.mode == INTERACT, float(planned.last), float(planned.end)
     if state.along == 0 and not (forth and _entered(planned.entry, state, body)):
         return state
-    target = 1.0 if forth else -1.0
-    pace = target
-    if 0 < state.along < end:
+    back = state.along > last or (state.along == last and not forth)
+    low, high = (last, end) if back else (0.0, last)
+    pace = target = 1.0 if forth != back else -1.0
+    if low < state.along < high:
         pace = min(max(target, state.pace - _REVERSAL), state.pace + _REVERSAL)
-    along = min(max(state.along + pace, 0.0), end)
-    arrived = along in (0.0, end) and along != state.along
+    along = min(max(state.along + pace, low), high)
+    along = 0.0 if along == end else along
+    arrived = along in (0.0, last) and along != state.along
     return state._replace(along=along, pace=pace, since=0 if arrived else state.since)
 
 

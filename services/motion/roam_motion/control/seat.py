@@ -46,30 +46,37 @@ class Posture:
 
 @dataclass(frozen=True, eq=False)
 class Transition:
-    """A planned way from a pose that the motion model finds by itself into a goal pose, T poses at 30 Hz; and back."""
+    """A planned way from a pose that the motion model finds by itself into a goal pose, and another one back to it: T
+    poses at 30 Hz, of which the first and what comes after the last are the entry pose."""
 
     entry: Seat
     goal: Seat
     positions: np.ndarray  # [T, J, 3] [m]
     orientations: np.ndarray  # [T, J, 3, 3]
     roots: np.ndarray  # [T, 4] x, z, direction
-    changes: float  # share of the way from which the style is no longer the entry's but the goal's
+    last: int  # the frame that is the goal
+    changes: float  # share of the way in from which the style is no longer the entry's but the goal's
 
     @property
-    def last(self) -> int:
-        """The frame that is the goal."""
-        return len(self.positions) - 1
+    def end(self) -> int:
+        """The frame that is the entry pose again."""
+        return len(self.positions)
 
     def at(self, frame: int) -> Seat:
         """The pose of a frame, as something to be held."""
-        if frame <= 0 or frame >= self.last:
-            return self.entry if frame <= 0 else self.goal
+        if frame == self.last or not 0 < frame < self.end:
+            return self.goal if frame == self.last else self.entry
         return replace(
             self.goal,
             positions=self.positions[frame],
             orientations=self.orientations[frame],
             root=self.roots[frame],
         )
+
+    def lies(self, along: float) -> bool:
+        """Whether so many frames along the way the goal's style is shown."""
+        inwards = along / self.last if along <= self.last else (self.end - along) / (self.end - self.last)
+        return inwards > self.changes
 
 
 def goal_arrays(figure: Figure, pose: Pose) -> tuple[np.ndarray, np.ndarray]:

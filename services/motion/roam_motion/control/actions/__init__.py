@@ -33,8 +33,9 @@ class GoalAction(Protocol):
     def footing(self, figure: Figure, seat: Seat) -> np.ndarray | None:
         """Where both ankles belong (x, z) [m] and their feet point, as it begins [2, 4]; None: under the body."""
 
-    def transition(self, figure: Figure, seat: Seat) -> Transition | None:
-        """The planned way into the pose and out of it; None where the motion model finds it by itself."""
+    def transition(self, figure: Figure, seat: Seat, manner: tuple[float, ...]) -> Transition | None:
+        """The planned way into the pose and out of it for somebody of a manner (see manner.py); None where the motion
+        model finds it by itself."""
 
 
 GOAL_ACTIONS: dict[str, GoalAction] = {SIT.name: Sit(), LIE.name: Lie()}  # by the action's name
@@ -62,6 +63,6 @@ def footing(figure: Figure, seat: Seat) -> np.ndarray | None:
     return GOAL_ACTIONS[seat.action].footing(figure, seat)
 
 
-def transition(figure: Figure, seat: Seat) -> Transition | None:
-    """The planned way into a seat, if there is one."""
-    return GOAL_ACTIONS[seat.action].transition(figure, seat)
+def transition(figure: Figure, seat: Seat, manner: tuple[float, ...] = ()) -> Transition | None:
+    """The planned way into a seat, if there is one, for somebody of a manner."""
+    return GOAL_ACTIONS[seat.action].transition(figure, seat, manner)

@@ -18,7 +18,7 @@ from roam_motion.actions import LIE
 from roam_motion.animation.collision import furniture_of
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.proportions import size
-from roam_motion.control.actions.reclining import reclining_of
+from roam_motion.control.actions.reclining import reclining_of, way_of
 from roam_motion.control.intent import Goal
 from roam_motion.control.paths import Outline, Place, edge
 from roam_motion.control.seat import Posture, Seat, Transition, depths_of, floor_frame, pair, posture, rectangle
@@ -62,9 +62,9 @@ class Lie:
         """None: feet do not stand in a lying pose."""
         return None
 
-    def transition(self, figure: Figure, seat: Seat) -> Transition:
+    def transition(self, figure: Figure, seat: Seat, manner: tuple[float, ...]) -> Transition:
         """From a seat on the furniture's edge; see reclining.py."""
-        return reclining_of(figure, seat)
+        return reclining_of(figure, seat, way_of(manner))
 
 
 @lru_cache(maxsize=512)

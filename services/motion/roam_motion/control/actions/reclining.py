@@ -1,16 +1,17 @@
-"""Lying down, planned: from a seat on the furniture's edge to the lying pose, and back the same way.
+"""Lying down and getting up, planned: from a seat on the furniture's edge to the lying pose, and from there back to it.
 
 There is one captured recline, and it is on the floor: a network learns from that where it should be in the end, not how
 legs come over an edge. So it walks up and sits down on the edge, which it does well, and what follows is worked out
-once per goal: hips turn and scoot, legs are lifted over whatever is in their way, the trunk reclines. Every bone's and
-joint's speed is bounded, and the ends are eased. Getting up plays the same poses backwards.
+once per goal and way: a hand goes down on the furniture, the legs come up one after the other, hips turn and scoot, the
+trunk reclines. Every bone's and joint's speed is bounded, and the ends are eased. There are several ways (ways.py);
+who lies down one way gets up another.
 
 Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
 `roam evaluate motion` are measured with them.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -19,56 +20,61 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.actions import SIT
-from roam_motion.animation.collision import Furniture, furniture_of, goal_depths, keep_clear
-from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, unit
+from roam_motion.animation.collision import furniture_of, goal_depths, keep_clear
+from roam_motion.animation.figure import Figure, orthonormal, six, turn_about
 from roam_motion.animation.proportions import size
+from roam_motion.control.actions.reclining_limbs import (
+    HIPS_BACK,
+    between,
+    hands_down,
+    height_over,
+    legs_bent,
+    raised,
+    smoothed,
+)
+from roam_motion.control.actions.ways import WAYS, Bed, Way, eased
 from roam_motion.control.seat import Seat, Transition
 
 _SAMPLES = 44  # poses that are planned, before they are timed
-_FASTEST = 0.034, 0.10  # [m], [rad] a joint moves, a bone turns per frame at most
-_EASE = 22  # frames from rest to full speed, and back
-_HIPS_BACK = 0.33  # [m] seated hips behind the ankles
-_BESIDE = 0.09  # [m] ankles beside the middle
-_ANKLE = 0.085  # [m] height of a flat foot's ankle
-_TUCKED = 0.46, 0.06  # [m] ankles ahead of and above the hips while the legs come round
-_UPRIGHT, _LEANT = -0.12, -0.60  # [rad] pitch of the hips on the edge, and while the legs are lifted
+_FASTEST = 0.040, 0.13  # [m], [rad] a joint moves, a bone turns per frame at most
+_EASE = 18  # frames from rest to full speed, and back
+_UPRIGHT = -0.12  # [rad] pitch of the hips on the edge
 _SEAT = 0.085  # [m] kept between seated hips and the furniture: a cushion gives way
-_LEAD = 0.05  # by which the leg that is nearer to the foot end goes first
-_SKIN = 0.012  # [m] kept between legs and furniture
-_ROUNDS = 6, 2  # of lifting legs, of clearing arms
-_SOFTNESS = 2  # samples over which lifts and turns are smoothed
+_ROUNDS = 2  # of clearing trunk and arms
 _ARM = (-0.45, -1.30), -0.95  # [rad] upper arm forward and down, elbow bent: hands over the thighs
+_CALVES = 0.16  # [m] standing place in front of the furniture's edge (see lie.py)
 _LIES = 0.4  # share of the way from which one lies: the hips have left the edge
 _STOOP = {"spine": 0.10, "chest": 0.08, "neck": 0.06}  # [rad] forward
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """Where one lies and sits, in the world."""
-
-    hips: Tensor  # [2, 3] seated, lying [m]
-    aside: Tensor  # [3] horizontal, out of the furniture
-    along: Tensor  # [3] horizontal, from head to feet
-    sense: float  # 1 when turning from `aside` to `along` is a turn to the left, else -1
-    furniture: Furniture | None
-
-
 @lru_cache(maxsize=128)
-def reclining_of(figure: Figure, seat: Seat) -> Transition:
-    """The way from the edge into a lying `seat`."""
+def reclining_of(figure: Figure, seat: Seat, number: int = 0) -> Transition:
+    """The way from the edge into a lying `seat`, the `number`-th of `WAYS`, and the next one of them back."""
     place = _place(figure, seat)
-    share = torch.linspace(0, 1, _SAMPLES)
-    hips = _hips(place, share)
-    orientations = _orientations(figure, seat, place, hips, share)
-    orientations = _cleared(figure, seat, place, hips, orientations)
-    hips, orientations = _timed(figure, hips, orientations)
-    lying = torch.from_numpy(seat.orientations)
-    hips, orientations = torch.cat([hips, place.hips[1:]]), torch.cat([orientations, lying[None]])
+    down = _planned(figure, seat, place, WAYS[number])
+    up = _planned(figure, seat, place, WAYS[(number + 1) % len(WAYS)])
+    lying = torch.from_numpy(seat.orientations)[None]
+    hips = torch.cat([down[0], place.hips[1:], up[0].flip(0)])
+    orientations = torch.cat([down[1], lying, up[1].flip(0)])
     positions = figure.positions(hips, orientations)
     frame = figure.frame(positions)
     roots = torch.cat([frame.origin, frame.direction], 1).numpy()
     edge = _edge(figure, seat, positions[0].numpy(), orientations[0].numpy(), roots[0])
-    return Transition(edge, seat, positions.numpy(), orientations.numpy(), roots, _LIES)
+    return Transition(edge, seat, positions.numpy(), orientations.numpy(), roots, len(down[0]), _LIES)
+
+
+def way_of(manner: Sequence[float]) -> int:
+    """Which of `WAYS` somebody of a manner lies down by: each by about as many."""
+    spread = sum(manner) / math.sqrt(max(len(manner), 1))
+    return min(int(len(WAYS) * 0.5 * (1 + math.erf(spread / math.sqrt(2)))), len(WAYS) - 1)
+
+
+def _planned(figure: Figure, seat: Seat, place: Bed, way: Way) -> tuple[Tensor, Tensor]:
+    """Hips [N, 3] and orientations [N, J, 3, 3] at 30 Hz from the edge to just before the lying pose."""
+    share = torch.linspace(0, 1, _SAMPLES)
+    hips = _hips(place, way, share)
+    orientations = _orientations(figure, seat, place, way, hips, share)
+    return _timed(figure, hips, _cleared(figure, seat, hips, orientations))
 
 
 def _edge(figure: Figure, seat: Seat, positions: np.ndarray, orientations: np.ndarray, root: np.ndarray) -> Seat:
@@ -79,85 +85,47 @@ def _edge(figure: Figure, seat: Seat, positions: np.ndarray, orientations: np.nd
     return Seat(SIT.name, positions, orientations, root, seat.stand, seat.volume, depths)
 
 
-def _place(figure: Figure, seat: Seat) -> _Place:
+def _place(figure: Figure, seat: Seat) -> Bed:
     aside, along = (torch.tensor([float(v[0]), 0.0, float(v[1])]) for v in (seat.stand[2:], seat.root[2:]))
     lying = torch.from_numpy(seat.positions[0])
     out = float((seat.stand[:2] - seat.root[:2]) @ seat.stand[2:])
-    ahead = max(out - (0.05 + _HIPS_BACK) * size(figure), 0.0)
+    ahead = max(out - (0.05 + HIPS_BACK) * size(figure), 0.0)
     seated = torch.tensor([float(seat.root[0]), 0.0, float(seat.root[1])]) + ahead * aside
     furniture = None
     if seat.volume is not None and seat.depths is not None:
         furniture = furniture_of([seat.volume], [seat.depths], [False])
-    seated[1] = lying[1] if furniture is None else _seat_height(furniture, seated, float(lying[1]))
+    seated[1] = lying[1] if furniture is None else height_over(furniture, seated, float(lying[1]), _SEAT)
     sense = 1.0 if float(torch.linalg.cross(aside, along)[1]) > 0 else -1.0
-    return _Place(torch.stack([seated, lying]), aside, along, sense, furniture)
+    return Bed(torch.stack([seated, lying]), aside, along, sense, max(out - _CALVES * size(figure), 0.0), furniture)
 
 
-def _seat_height(furniture: Furniture, place: Tensor, lying: float) -> Tensor:
-    """Height of hips that sit at a place [3] [m]: the lowest that is clear from there on, near the `lying` hips'."""
-    heights = lying + torch.arange(-0.12, 0.25, 0.005)
-    points = place.expand(len(heights), 3).clone()
-    points[:, 1] = heights
-    gap, _ = furniture.distance(points[None])
-    blocked = (gap[0] < _SEAT).nonzero()[:, 0]
-    return heights[min(int(blocked.max()) + 1, len(heights) - 1)] if len(blocked) else heights[0]
-
-
-def _eased(share: Tensor, begin: float, end: float) -> Tensor:
-    """0 before `begin`, 1 after `end`, smooth between. [N] -> [N]."""
-    t = ((share - begin) / (end - begin)).clamp(0.0, 1.0)
-    return t * t * t * (t * (6 * t - 15) + 10)
-
-
-def _hips(place: _Place, share: Tensor) -> Tensor:
+def _hips(place: Bed, way: Way, share: Tensor) -> Tensor:
     """Places of the hips [N, 3] [m], over whatever lies between."""
-    moved = _eased(share, 0.12, 0.72)[:, None]
+    moved = eased(share, way.scoots)[:, None]
     hips = torch.lerp(place.hips[:1], place.hips[1:], moved)
     if place.furniture is None:
         return hips
     gap = place.furniture.distance(hips[None])[0][0]
     least = torch.lerp(gap[:1], gap[-1:], moved[:, 0]).clamp_max(_SEAT)
-    return hips + _raised((least - gap).clamp_min(0.0))[:, None] * torch.tensor([0.0, 1.0, 0.0])
+    return hips + raised((least - gap).clamp_min(0.0))[:, None] * torch.tensor([0.0, 1.0, 0.0])
 
 
-def _raised(lift: Tensor) -> Tensor:
-    """A smooth curve over a `lift` [N, …] that ends in it at both ends."""
-    wide = torch.nn.functional.max_pool1d(lift.reshape(len(lift), -1).T, 2 * _SOFTNESS + 1, 1, _SOFTNESS).T
-    soft = _smoothed(wide).reshape(lift.shape)
-    ends = torch.minimum(torch.arange(len(lift)), torch.arange(len(lift)).flip(0)) / (2 * _SOFTNESS)
-    ends = ends.clamp_max(1.0).reshape(-1, *[1] * (lift.ndim - 1))
-    return torch.lerp(lift, torch.maximum(soft, lift), ends)
-
-
-def _smoothed(rows: Tensor) -> Tensor:
-    """Rows [N, K] averaged with their neighbours; the ends stay."""
-    for _ in range(_SOFTNESS):
-        around = torch.cat([rows[:1], rows, rows[-1:]])
-        middle = 0.25 * around[:-2] + 0.5 * around[1:-1] + 0.25 * around[2:]
-        rows = torch.cat([rows[:1], middle[1:-1], rows[-1:]])
-    return rows
-
-
-def _orientations(figure: Figure, seat: Seat, place: _Place, hips: Tensor, share: Tensor) -> Tensor:
+def _orientations(figure: Figure, seat: Seat, place: Bed, way: Way, hips: Tensor, share: Tensor) -> Tensor:
     """World orientations [N, J, 3, 3] of all bones."""
     lying = torch.from_numpy(seat.orientations)
-    angle = math.atan2(float(place.aside[0]), float(place.aside[2])) + place.sense * (math.pi / 2) * _eased(
-        share, 0.04, 0.62
-    )
+    turned = eased(share, way.turns)
+    angle = math.atan2(float(place.aside[0]), float(place.aside[2])) + place.sense * (math.pi / 2) * turned
     yaw = turn_about(angle[:, None] * torch.tensor([0.0, 1.0, 0.0]))
-    pitch = torch.lerp(torch.tensor(_UPRIGHT), torch.tensor(_LEANT), _eased(share, 0.0, 0.4))
-    pelvis = _between(
-        yaw @ turn_about(pitch[:, None] * torch.tensor([1.0, 0.0, 0.0])), lying[None, 0], _eased(share, 0.45, 1.0)
-    )
-    local = _between(_seated_rotations(figure)[None], figure.local(lying)[None], _eased(share, 0.3, 1.0)[:, None])
+    pitch = torch.lerp(torch.tensor(_UPRIGHT), torch.tensor(way.back), eased(share, way.leans))
+    roll = place.sense * way.sideways * eased(share, way.leans) * (1 - turned)
+    tilt = turn_about(roll[:, None] * torch.tensor([0.0, 0.0, 1.0]))
+    upright = yaw @ tilt @ turn_about(pitch[:, None] * torch.tensor([1.0, 0.0, 0.0]))
+    pelvis = between(upright, lying[None, 0], eased(share, way.reclines))
+    loosens = eased(share, (max(way.reclines[0] - 0.15, 0.0), way.reclines[1]))[:, None]
+    local = between(_seated_rotations(figure)[None], figure.local(lying)[None], loosens)
     local[:, 0] = pelvis
-    world = figure.world(local)
-    return _legs_bent(figure, seat, place, hips, world, yaw, share)
-
-
-def _between(start: Tensor, end: Tensor, share: Tensor) -> Tensor:
-    """Rotations [..., 3, 3] that share of the way from one to another."""
-    return orthonormal(torch.lerp(six(start), six(end), share[..., None]))
+    world = legs_bent(figure, seat, place, way, hips, figure.world(local), yaw, share)
+    return hands_down(figure, place, way, hips, world, yaw, share)
 
 
 def _seated_rotations(figure: Figure) -> Tensor:
@@ -174,106 +142,18 @@ def _seated_rotations(figure: Figure) -> Tensor:
     return rotations
 
 
-def _legs_bent(
-    figure: Figure, seat: Seat, place: _Place, hips: Tensor, world: Tensor, yaw: Tensor, share: Tensor
-) -> Tensor:
-    """Orientations with legs whose feet leave the floor, come round over the edge and stretch out."""
-    thigh, _, foot, toes = figure.legs.T
-    starts = figure.positions(hips, world)[:, thigh]
-    ankles = _ankles(figure, seat, place, hips, yaw, share)
-    bend = unit(0.6 * yaw[:, :, 2] + torch.tensor([0.0, 0.8, 0.0]))[:, None].expand_as(ankles)
-    ankles = _lifted(figure, place, starts, ankles, bend)
-    upper, lower = _leg_bones(figure, starts, ankles, bend)
-    settled = _eased(share, 0.7, 1.0)[:, None]
-    lying = torch.from_numpy(seat.orientations)
-    bent = world.clone()
-    for column, bones in enumerate((upper, lower)):
-        joint = figure.legs[:, column]
-        bent[:, joint] = _between(bones, lying[joint][None], settled)
-    flat = (yaw[:, None] @ torch.eye(3)).expand(-1, 2, -1, -1)
-    bent[:, foot] = _between(
-        _between(flat, bent[:, figure.legs[:, 1]], _eased(share, 0.02, 0.3)[:, None]), lying[foot][None], settled
-    )
-    bent[:, toes] = _between(bent[:, foot], lying[toes][None], settled)
-    return bent
-
-
-def _ankles(figure: Figure, seat: Seat, place: _Place, hips: Tensor, yaw: Tensor, share: Tensor) -> Tensor:
-    """Where the ankles would be if nothing were in their way [N, 2, 3] [m]: left, right."""
-    foot = figure.legs[:, 2]
-    beside, ankle, back, ahead, above = (size(figure) * length for length in (_BESIDE, _ANKLE, _HIPS_BACK, *_TUCKED))
-    sides = torch.tensor([beside, -beside])
-    floor = torch.stack([sides, torch.full((2,), ankle) - place.hips[0, 1], torch.full((2,), back)], 1)
-    tucked = torch.stack([sides, torch.full((2,), above), torch.full((2,), ahead)], 1)
-    end = torch.from_numpy(seat.positions[foot] - seat.positions[0])
-    lead = share[:, None] + _LEAD * place.sense * torch.tensor([1.0, -1.0]) * torch.sin(math.pi * share)[:, None]
-    relative = torch.lerp(floor, tucked, _eased(lead, 0.0, 0.42)[..., None])
-    turned = (yaw[:, None] @ relative[..., None])[..., 0]
-    return hips[:, None] + torch.lerp(turned, end.expand_as(turned), _eased(lead, 0.58, 1.0)[..., None])
-
-
-def _knees(figure: Figure, starts: Tensor, ankles: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
-    """Knees and ankles [N, 2, 3] that legs from `starts` have, bent towards `bend`."""
-    upper, lower = figure.lengths[figure.legs[:, 1], None], figure.lengths[figure.legs[:, 2], None]
-    way = ankles - starts
-    reach = vector_norm(way, dim=-1, keepdim=True).clamp_min(1e-6)
-    way = way / reach
-    reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 0.15), 0.998 * (upper + lower))
-    cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
-    side = unit(bend - (bend * way).sum(-1, keepdim=True) * way)
-    return starts + upper * (cosine * way + (1 - cosine.square()).sqrt() * side), starts + reach * way
-
-
-def _leg_bones(figure: Figure, starts: Tensor, ankles: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
-    """World orientations of thighs and shins [N, 2, 3, 3]."""
-    knees, ends = _knees(figure, starts, ankles, bend)
-    hinge = unit(torch.linalg.cross(bend, ends - starts, dim=-1))
-    upper = _along(hinge, knees - starts) @ _along(_LEFT.expand(2, 3), figure.offsets[figure.legs[:, 1]]).mT
-    lower = _along(hinge, ends - knees) @ _along(_LEFT.expand(2, 3), figure.offsets[figure.legs[:, 2]]).mT
-    return upper, lower
-
-
-_LEFT = torch.tensor([1.0, 0.0, 0.0])
-
-
-def _along(hinge: Tensor, bone: Tensor) -> Tensor:
-    """The frame [..., 3, 3] whose -Y runs along a bone and whose +X is as near to its hinge as can be."""
-    up = -unit(bone)
-    left = unit(hinge - (hinge * up).sum(-1, keepdim=True) * up)
-    return torch.stack([left, up, torch.linalg.cross(left, up, dim=-1)], -1)
-
-
-def _lifted(figure: Figure, place: _Place, starts: Tensor, ankles: Tensor, bend: Tensor) -> Tensor:
-    """Ankles [N, 2, 3] raised until shins and feet are over what is in their way."""
-    if place.furniture is None:
-        return ankles
-    up, lift = torch.tensor([0.0, 1.0, 0.0]), torch.zeros(ankles.shape[:2])
-    first: Tensor | None = None
-    for _ in range(_ROUNDS[0]):
-        knees, ends = _knees(figure, starts, ankles + lift[..., None] * up, bend)
-        ahead = ends + 0.12 * unit(bend * torch.tensor([1.0, 0.0, 1.0]))
-        points = torch.stack([torch.lerp(knees, ends, 0.4), torch.lerp(knees, ends, 0.7), ends, ahead], 2)
-        gap = place.furniture.distance(points.flatten(0, 2)[None])[0].reshape(points.shape[:3])
-        depth = torch.tensor([0.05, 0.05, 0.05, 0.045]) + _SKIN - gap
-        first = depth if first is None else first
-        # What the ends themselves press into the furniture stays so.
-        ends_press = torch.lerp(first[:1], first[-1:], torch.linspace(0, 1, len(depth))[:, None, None])
-        lift = lift + (depth - ends_press.clamp_min(0.0)).amax(-1).clamp_min(0.0)
-    return ankles + _raised(lift)[..., None] * up
-
-
-def _cleared(figure: Figure, seat: Seat, place: _Place, hips: Tensor, orientations: Tensor) -> Tensor:
+def _cleared(figure: Figure, seat: Seat, hips: Tensor, orientations: Tensor) -> Tensor:
     """Orientations with trunk and arms out of the furniture, smooth from one sample to the next; the last stays."""
     if seat.volume is not None and seat.depths is not None:
         count = len(hips)
         furniture = furniture_of([seat.volume] * count, [seat.depths] * count, [False] * count)
-        for _ in range(_ROUNDS[1]):
+        for _ in range(_ROUNDS):
             _, orientations, _ = keep_clear(
                 figure, furniture, figure.positions(hips, orientations), orientations, torch.zeros(count)
             )
     flat = six(orientations).flatten(1)
     flat = torch.cat([flat[:-1], six(torch.from_numpy(seat.orientations)).flatten()[None]])
-    return orthonormal(_smoothed(flat).unflatten(1, (-1, 6)))
+    return orthonormal(smoothed(flat).unflatten(1, (-1, 6)))
 
 
 def _timed(figure: Figure, hips: Tensor, orientations: Tensor) -> tuple[Tensor, Tensor]:

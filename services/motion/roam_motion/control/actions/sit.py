@@ -52,7 +52,7 @@ class Sit:
         """Feet are where the pose has them."""
         return _footing(figure, seat)
 
-    def transition(self, figure: Figure, seat: Seat) -> None:
+    def transition(self, figure: Figure, seat: Seat, manner: tuple[float, ...]) -> None:
         """None: people sit down in the captured motions."""
         return None
 

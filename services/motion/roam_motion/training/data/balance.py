@@ -12,14 +12,14 @@ from roam_motion.training.data.episodes import Episode
 
 # Shares of the drawn locomotion frames. Kinds that the clips lack leave theirs to the others.
 GOING = {
-    "idle": 0.12,
-    "turn on the spot": 0.20,
+    "idle": 0.10,
+    "turn on the spot": 0.16,
     "start": 0.11,
-    "stop": 0.12,
-    "walk": 0.19,
-    "brisk walk": 0.16,
-    "sideways or backward": 0.05,
-    "run": 0.05,
+    "stop": 0.11,
+    "walk": 0.18,
+    "brisk walk": 0.17,
+    "sideways or backward": 0.04,
+    "run": 0.13,
 }
 # Shares of the drawn frames of an interaction.
 TAKING = {"approach": 0.17, "down": 0.33, "held": 0.18, "up": 0.26, "leaving": 0.06}

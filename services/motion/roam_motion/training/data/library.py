@@ -26,8 +26,10 @@ _LEAST_HIPS = {"sit": 0.40, "lie": 0.30}  # [m] lower held hips are on the floor
 _CHAIR = 0.38, 0.58  # [m] seat heights of ordinary chairs
 _HIPS_OVER_SEAT = 0.145  # [m]
 _TEMPO = 0.85, 1.1  # captured ways down and up are played so many times as fast
-_TRIES = 3  # goals tried for an episode until one suits
-_VERSION = 6  # of the cached form
+_SLOWER = 0.75, 0.87  # runs are played so many times as fast, too: captured ones begin at 2.5 m/s, walks end at 1.7
+_RUNS = 1.85  # [m/s]
+_TRIES = 5  # goals tried for an episode until one suits
+_VERSION = 10  # of the cached form
 _OWN_HELD_OUT = (
     *("mm_", "acted_014", "genuine_014", "running_1_test"),
     *("113_15", "14_28", "14_32", "13_05", "19_12", "22_03", "111_10"),
@@ -44,8 +46,8 @@ class LibraryConfig:
     seed: int = 0
     goals_per_sit: int = 20  # goal poses that every captured way down and way up is brought to
     goals_per_lie: int = 8
-    interaction_share: float = 0.55  # of drawn frames; captured share is about a tenth
-    lie_share: float = 0.12  # of the drawn interaction frames
+    interaction_share: float = 0.50  # of drawn frames; captured share is about a tenth
+    lie_share: float = 0.08  # of the drawn interaction frames
     held_out: tuple[str, ...] = _OWN_HELD_OUT  # beginnings of file names, beside those of HELDOUT.txt
     share_alike: bool = False  # clips under CC BY-SA are asked for; the weights are then under that licence
 
@@ -138,7 +140,8 @@ def _episodes(
         episode
         for recording in recordings
         if not recording.name.startswith("derived")
-        for episode in locomotion(recording.at_rate(FRAME_RATE), figure.skeleton)
+        for tempo in ((1.0, *_SLOWER) if _runs(recording) else (1.0,))
+        for episode in locomotion(recording.at_rate(FRAME_RATE, speed=tempo), figure.skeleton)
     ]
     made = {
         "sit": _sits(figure, recordings, banks["sit"], max(1, round(config.goals_per_sit * copies)), rng),
@@ -149,6 +152,12 @@ def _episodes(
     report: dict[str, object] = {"episodes": len(episodes), **minutes, "shares_percent": shares}
     report["sits_at_chair_height_percent"] = _at_chair_height(made["sit"])
     return build(figure, episodes, weights), report
+
+
+def _runs(recording: Recording) -> bool:
+    """Whether most of a clip is faster than walking."""
+    steps = np.diff(recording.clip.root_positions[:, [0, 2]], axis=0)
+    return float(np.median(np.linalg.norm(steps, axis=1)) * recording.clip.frame_rate) > _RUNS
 
 
 def _sits(

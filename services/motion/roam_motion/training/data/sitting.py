@@ -4,9 +4,12 @@ Way down and way up may come from different clips: between them the goal pose is
 seat with their weight still over the feet, and only then settle back. So
 
 - the hips' place and height change with the clip's own share of the descent, and they land so that the ankles are at
-  most 0.30 m in front of them; what the goal pose wants beyond that is a slide back on the seat or a step out
+  most 0.28 m in front of them; what the goal pose wants beyond that is a slide back on the seat or a step out
   with the feet, after contact;
-- trunk and arms are the clip's own until contact and go over into the goal pose in the 18-30 frames after it;
+- a trunk that leans less than a person drawn from captured ones leans farther in proportion (about the hip, over feet
+  that stay), which also brings the weight over the feet;
+- trunk and arms are the clip's own until contact and go over into the goal pose in the 30-60 frames after it (on the
+  way up, leave it in 18-30);
 - feet whose place in the goal pose is another are set down there in the clip's own last step, or step once the seat
   carries the body;
 - rising is the same the other way round: trunk, feet and hips leave the goal pose first, then the body rises.
@@ -20,6 +23,7 @@ import numpy as np
 from roam_character.clip import Clip
 from roam_character.kinematics import Limb, Posture, facing, forward_kinematics, limb, reach_with_limb
 from roam_character.rotation import (
+    quat_from_rotvec,
     quat_from_yaw,
     quat_inv,
     quat_mul,
@@ -37,9 +41,15 @@ from roam_motion.training.data.episodes import Episode, labelled, smooth
 from roam_motion.training.data.goals import LEGS, Bank, Key, aligned, ankles, key_yaw, new_goal
 from roam_motion.training.data.recordings import Recording, Span
 
-_FARTHEST = 0.30  # [m] ankles in front of the landing hips
+_FARTHEST = 0.28  # [m] ankles in front of the landing hips
 _NEAREST = 0.16
-_SETTLE = 18, 31  # frames from contact until the goal pose is taken
+_SLIDE = 0.04, 0.18  # [m] on the seat after contact
+_STEP_OUT = 0.10  # [m] that feet step out by after contact at most: served characters stand no nearer (see actions/sit)
+# Frames from contact until the goal pose is taken (people rest after 0.2 to 2.8 s), and in which it is left before the
+# seat is (a slower start was learned as none: the lean of those who rise fell from 34 to 25 degrees).
+_SETTLE, _LEAVE = (30, 61), (18, 31)
+_AT_ONCE = 1.25  # power that brings most of it forward: bodies come to rest slowly
+_LANDED = 0.92  # share of the descent after which hips no longer move sideways or ahead towards the goal
 _STEP = 12  # frames of a step to or from the goal's place
 _LIFT = 0.035  # [m] its height
 _HELD = 20, 60  # frames held on either side of the middle
@@ -50,8 +60,13 @@ _COMMAND_UP = 2, 6  # frames from the command to rise until trunk or feet move
 # [deg] largest forward lean of a captured descent, and of a rise, that is worth learning from: a network answers a
 # little less than the mean of what it is shown, and people's medians are 49 and 42
 _SOURCE_LEAN = 35.0, 33.0
-_LEAST_LEAN = 28.0  # [deg] of an episode that is made of them
-_LEAST_AHEAD = -0.05  # [m] centre of mass in front of the rear ankle, half-way
+_LEAST_LEAN = 38.0, 34.0  # [deg] of an episode that is made of them
+# [deg] largest lean that episodes are brought to, down and up, where the clip's is smaller: captured people, 36 to 63
+# and 26 to 55, without those that lean least
+_DRAWN_LEAN = (44.0, 60.0), (38.0, 54.0)
+_UPRIGHT = 8.0  # [deg] leans smaller than this stay as they are
+_MOST_BOW = 15.0  # [deg] that a trunk is bent farther
+_SOURCE_AHEAD, _LEAST_AHEAD = -0.05, 0.02  # [m] centre of mass in front of the rear ankle half-way: sources, episodes
 _STILL = 0.06  # [m] that feet move while a good source sinks or rises
 _TALLER = 0.22  # [m] most that a seat differs from the captured one
 _HANGING = 0.11  # [m] ankles of a goal pose above this do not stand on the floor
@@ -109,7 +124,7 @@ def passages(recording: Recording, span: Span, speed: float = 1.0, *, good: bool
         whole = Passage(timed.name, clip.root_positions, clip.rotations, contacts, styles, turns, *marks, up=step < 0)
         passage = _picked(whole, pick)
         least = _SOURCE_LEAN[passage.up]
-        alike = not good or like_people(clip.skeleton, passage.hips, passage.rotations, *marks, least)
+        alike = not good or like_people(clip.skeleton, passage.hips, passage.rotations, *marks, least, _SOURCE_AHEAD)
         if alike and (not good or _still(clip.skeleton, passage)):
             out.append(passage)
     return out
@@ -121,16 +136,18 @@ def like_people(
     rotations: np.ndarray,
     begins: int,
     touches: int,
-    least: float = _LEAST_LEAN,
+    least: float,
+    ahead_least: float,
 ) -> bool:
-    """Whether a way down (or up, reversed) leans forward by `least` [deg] and keeps the body over the feet half-way."""
+    """Whether a way down (or up, reversed) leans forward by `least` [deg], and half-way has the centre of mass
+    `ahead_least` [m] in front of the rear ankle."""
     cut = slice(max(begins - 10, 0), touches + 6)
     positions = forward_kinematics(skeleton, hips[cut], rotations[cut]).positions
     ahead = yaw_direction(facing(skeleton, positions))[:, [0, 2]]
     half = int(np.argmin(np.abs(positions[:, 0, 1] - (hips[begins, 1] + hips[touches, 1]) / 2)))
     leans = float(lean(skeleton, positions, ahead).max())
     over = float(ahead_of_rear_ankle(skeleton, positions, ahead)[half])
-    return leans >= least and over >= _LEAST_AHEAD
+    return leans >= least and over >= ahead_least
 
 
 def _still(skeleton: Skeleton, passage: Passage) -> bool:
@@ -169,7 +186,7 @@ def sitting(
     if any(abs(goal.hips[1] - _key(way).hips[1]) > _TALLER for way in (down, up) if way is not None):
         return None
     stretch = _stretch(skeleton, goal, key)
-    slide = min(stretch, float(rng.uniform(0.04, 0.18)))
+    slide = min(stretch, max(float(rng.uniform(*_SLIDE)), stretch - _STEP_OUT))
     goal = aligned(skeleton, goal, key, rng, by_feet=True)
     forward = _forward(skeleton, goal)
     # What neither the landing nor the slide covers, the feet step out by: they are that much nearer before.
@@ -183,7 +200,8 @@ def sitting(
             slide = float(rng.uniform(0.02, 0.12))
             way = _moved(skeleton, way, goal, slide, rng)
         half = _to_goal(skeleton, way, goal, slide, rng)
-        if good and not like_people(skeleton, half.hips, half.rotations, half.begins, half.touches):
+        marks = half.begins, half.touches
+        if good and not like_people(skeleton, half.hips, half.rotations, *marks, _LEAST_LEAN[way.up], _LEAST_AHEAD):
             return None
         halves.append(half)
     return _joined(skeleton, lead.name, goal, halves[0], halves[1], rng)
@@ -239,21 +257,28 @@ def _picked(way: Passage, pick: np.ndarray) -> Passage:
 
 def _to_goal(skeleton: Skeleton, way: Passage, goal: Key, slide: float, rng: np.random.Generator) -> _Half:
     """The passage bent to the goal, and held there for a while."""
-    settle = int(rng.integers(*_SETTLE))
+    settle = int(rng.integers(*(_LEAVE if way.up else _SETTLE)))
     hold = settle + 2 * _STEP + int(rng.integers(*_HELD))
     way = _lengthened(way, way.touches + hold)
     key, share, since = _key(way), _share(way), np.arange(len(way)) - way.touches
-    taken = smooth(since / settle)[:, None]
+    rests = since / settle
+    taken = (smooth(rests) if way.up else _eased(1 - (1 - np.clip(rests, 0, 1)) ** _AT_ONCE))[:, None]
     forward = _forward(skeleton, goal)
     landing = goal.hips - key.hips + slide * forward * np.array([1, 0, 1], np.float32)
+    along = smooth(share / _LANDED)
     lives = _LIVING * smooth((hold - 12 - since) / 12)[:, None]
     held = goal.hips + lives * (way.hips - key.hips)
-    hips = (1 - taken) * (way.hips + share[:, None] * landing) + taken * held
-    rotations = _turned(skeleton, way, key, goal, share, taken, lives)
+    hips = (1 - taken) * (way.hips + np.stack([along, share, along], 1) * landing) + taken * held
+    rotations = _turned(skeleton, way, key, goal, share, taken, lives, _bow(skeleton, way, rng))
     bent = Clip(skeleton, float(FRAME_RATE), hips.astype(np.float32), rotations.astype(np.float32))
     rotations, contacts, stepped = _feet(skeleton, way, bent, goal, settle, rng)
     moves = max(way.touches + settle, stepped)
     return _Half(bent.root_positions, rotations, contacts, way.styles, way.turns, way.begins, moves, way.touches)
+
+
+def _eased(share: np.ndarray) -> np.ndarray:
+    """0 to 1 over [0, 1], at rest at both ends, hardly faster between them than at a constant pace."""
+    return np.asarray(share * share * (3 - 2 * share), np.float32)
 
 
 def _lengthened(way: Passage, last: int) -> Passage:
@@ -267,6 +292,19 @@ def _lengthened(way: Passage, last: int) -> Passage:
     return _picked(way, pick)
 
 
+def _bow(skeleton: Skeleton, way: Passage, rng: np.random.Generator) -> np.ndarray:
+    """Rotation vectors [T, 3] that bend the trunk farther about the hips, in proportion to its own lean, to a largest
+    lean that is drawn."""
+    positions = forward_kinematics(skeleton, way.hips, way.rotations).positions
+    ahead = yaw_direction(facing(skeleton, positions))
+    leans = lean(skeleton, positions, ahead[:, [0, 2]])
+    own = float(leans[max(way.begins - 10, 0) : way.touches + 6].max())
+    more = float(np.clip(rng.uniform(*_DRAWN_LEAN[way.up]) - own, 0, _MOST_BOW))
+    angle = np.deg2rad(more * np.clip((leans - _UPRIGHT) / max(own - _UPRIGHT, 1.0), 0, 1))
+    left = np.stack([ahead[:, 2], np.zeros(len(ahead)), -ahead[:, 0]], 1)
+    return (angle[:, None] * left).astype(np.float32)
+
+
 def _turned(
     skeleton: Skeleton,
     way: Passage,
@@ -275,12 +313,15 @@ def _turned(
     share: np.ndarray,
     taken: np.ndarray,
     lives: np.ndarray,
+    bow: np.ndarray,
 ) -> np.ndarray:
-    """Local rotations [T, J, 4]: the clip's own, its heading turned with the descent, going over into the goal's."""
+    """Local rotations [T, J, 4]: the clip's own, bent by `bow` [T, 3], its heading turned with the descent, going over
+    into the goal's."""
     own = way.rotations.copy()
     turn = key_yaw(skeleton, goal) - key_yaw(skeleton, key)
     turn = (turn + np.pi) % (2 * np.pi) - np.pi
-    own[:, 0] = quat_mul(quat_from_yaw((share * turn).astype(np.float32)), own[:, 0])
+    heading = quat_from_yaw((share * turn).astype(np.float32))
+    own[:, 0] = quat_mul(heading, quat_mul(quat_from_rotvec(bow), own[:, 0]))
     identity = np.zeros_like(own)
     identity[..., 3] = 1
     living = quat_slerp(identity, quat_mul(quat_inv(key.rotations), way.rotations), lives[..., None].astype(np.float32))
