@@ -8,11 +8,9 @@ from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as package_version
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import grpc
-import uvicorn
-from fastapi import FastAPI
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
 from roam_serving.access import Access
@@ -20,7 +18,6 @@ from roam_serving.channel import SERVER_OPTIONS
 from roam_serving.collector import spare_collector
 from roam_serving.describe import ServerServicer, describe_router
 from roam_serving.health import add_health, add_reflection
-from roam_serving.http import create_http_app
 from roam_serving.interceptor import RequestInterceptor
 from roam_serving.logs import configure_logs, get_log
 from roam_serving.metrics import Metrics
@@ -31,6 +28,10 @@ from roam_serving.skeletons import SkeletonCatalogue, SkeletonServicer, skeleton
 from roam_serving.tracing import Tracing
 from roam_serving.transport import transport_security
 
+if TYPE_CHECKING:
+    import uvicorn
+    from fastapi import FastAPI
+
 log = get_log("serving.server")
 
 VERSION = package_version("roam-services")
@@ -40,16 +41,8 @@ VERSION = package_version("roam-services")
 class Addresses:
     """Where a running server listens."""
 
-    http: str  # "http://127.0.0.1:8080", https with TLS
+    http: str  # "http://127.0.0.1:8080", https with TLS; "" where only gRPC is served
     grpc: str  # "127.0.0.1:50051"
-
-
-class _Uvicorn(uvicorn.Server):
-    """uvicorn without its own signal handlers: this module owns the shutdown."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
 
 
 def _bind(settings: ServerSettings) -> socket.socket:
