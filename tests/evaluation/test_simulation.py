@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from roam_evaluation.goalpose.solid_boxes import solid_boxes
+from roam_evaluation.goalpose.simulation.solid_boxes import solid_boxes
 from seating import sitter
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'roam-services[evaluation]'")
 
-from roam_evaluation.goalpose.simulation import drift
+from roam_evaluation.goalpose.simulation.world import drift
 
 
 def test_a_sitter_stays():

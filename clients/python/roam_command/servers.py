@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from roam_client import Client
 
-from roam_command.options import ServerChoice
+from roam_command.options.shared import ServerChoice
 from roam_command.reports import UsageError, stderr
 
 
@@ -46,8 +46,11 @@ def _checked(address: str) -> str:
 
 
 @contextmanager
-def connected(to: ServerChoice) -> Iterator[Client]:
-    """A client of both services; where no server is named they run inside this process until the block ends."""
+def connected(to: ServerChoice, *, motion: bool = True) -> Iterator[Client]:
+    """A client of both services; where no server is named they run inside this process until the block ends.
+
+    Without `motion` only goal poses can be asked for there.
+    """
     if to.server is not None:
         at = parse_server(to.server)
         with Client(goalpose=at.goalpose, motion=at.motion, **to.security) as client:
@@ -56,5 +59,5 @@ def connected(to: ServerChoice) -> Iterator[Client]:
     from roam_command.embedded import embedded
 
     stderr.print("starting services (--server uses running ones) …", style="dim")
-    with embedded() as address, Client(goalpose=address, motion=address) as client:
+    with embedded(motion=motion) as address, Client(goalpose=address, motion=address) as client:
         yield client

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from roam_serving.errors import API_KEY_MISSING, API_KEY_UNKNOWN, ServiceError
 from roam_serving.keys import KeyRing
-from roam_serving.logs import remember
+from roam_serving.monitoring.logs import remember
 from roam_serving.rates import RateLimiter
 from roam_serving.settings import ServerSettings
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Protocol
 import grpc
 from roam.v1 import skeleton_pb2
 
-from roam_serving.metrics import Metrics
-from roam_serving.readiness import Readiness
+from roam_serving.monitoring.metrics import Metrics
+from roam_serving.monitoring.readiness import Readiness
 
 if TYPE_CHECKING:
     from fastapi import APIRouter
