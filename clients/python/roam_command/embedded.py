@@ -1,6 +1,7 @@
 """The services inside this process, on free loopback ports, in a thread with its own event loop."""
 
 import asyncio
+import gc
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
@@ -93,11 +94,14 @@ def embedded(*, motion: bool = True) -> Iterator[str]:
     open_to_itself = {"tls_cert": "", "tls_key": "", "tls_client_ca": "", "api_keys": "", "requests_per_second": 0.0}
     addresses = {"host": "127.0.0.1", "http_port": 0, "grpc_port": 0}
     loader = _launched_loader()
+    gc.disable()  # a tenth of the time that torch takes to import goes to looking for garbage that is none
     try:
         services, settings = make_services("this command", motion=motion, loader=loader, **addresses, **open_to_itself)
     except BaseException:
         loader.close()
         raise
+    finally:
+        gc.enable()
     with running_in_thread(services, settings, http=False) as found:
         yield found.grpc
 

@@ -16,7 +16,16 @@ PREFIX = "ROAM_"
 # Variables of this name that are no settings of a server: of the client, the scripts, compose and the tests.
 OTHER_VARIABLES = frozenset(
     PREFIX + name
-    for name in ("API_KEY", "DATA", "ENGINE_SCRIPTS", "FUZZ_EXAMPLES", "GRAFANA_PORT", "PORT", "PROMETHEUS_PORT")
+    for name in (
+        "API_KEY",
+        "CACHE",
+        "DATA",
+        "ENGINE_SCRIPTS",
+        "FUZZ_EXAMPLES",
+        "GRAFANA_PORT",
+        "PORT",
+        "PROMETHEUS_PORT",
+    )
 ) | {"ROAM_BLENDER", "ROAM_TORCH_INDEX"}
 # What Kubernetes sets in every container for a Service that is called roam-something.
 _KUBERNETES = re.compile(r"_SERVICE_HOST=|_SERVICE_PORT(_\w+)?=|_PORT_\d+_(TCP|UDP)(_\w+)?=|_PORT=(tcp|udp)://")

@@ -11,12 +11,6 @@ from roam_goalpose.energy.terms import TERMS
 from roam_goalpose.references.pairs import ReferencePair, ShapeFile
 
 _PACKAGES = ("roam_character", *(f"roam_goalpose.{room}" for room in ("energy", "field", "objects", "references")))
-    "roam_goalpose.references",
-    "roam_character",
-    "roam_goalpose.energy",
-    "roam_goalpose.field",
-    "roam_goalpose.objects",
-)
 _LIBRARIES = ("numpy", "scipy", "torch", "trimesh")
 
 
