@@ -1,16 +1,18 @@
-"""The services inside this process, on free loopback ports, in a thread with its own event loop."""
+"""The services of one command, on free loopback ports: in a thread with an event loop, motion in a process beside."""
 
 import asyncio
 import gc
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from roam_client import RoamError
 
 from roam_command.installation import services_module
+from roam_command.motion_process import PRIVATE, MotionProcess, spare_processor
 from roam_command.reports import UsageError
 
 if TYPE_CHECKING:
@@ -87,23 +89,28 @@ def _run(services: "Sequence[Service]", settings: "ServerSettings", started: "Fu
         started.set_exception(error)
 
 
+@dataclass(frozen=True)
+class Started:
+    """Where the services of one command answer gRPC."""
+
+    goalpose: str
+    motion: Callable[[], str]  # once it is there; RoamError when it cannot start
+
+
 @contextmanager
-def embedded(*, motion: bool = True) -> Iterator[str]:
-    """The gRPC address of both services, or of goal poses alone."""
-    # Whatever the environment asks of real servers, this one is private to the process.
-    open_to_itself = {"tls_cert": "", "tls_key": "", "tls_client_ca": "", "api_keys": "", "requests_per_second": 0.0}
-    addresses = {"host": "127.0.0.1", "http_port": 0, "grpc_port": 0}
-    loader = _launched_loader()
-    gc.disable()  # a tenth of the time that torch takes to import goes to looking for garbage that is none
-    try:
-        services, settings = make_services("this command", motion=motion, loader=loader, **addresses, **open_to_itself)
-    except BaseException:
-        loader.close()
-        raise
-    finally:
-        gc.enable()
-    with running_in_thread(services, settings, http=False) as found:
-        yield found.grpc
+def embedded(*, motion: bool = True) -> Iterator[Started]:
+    """Both services, or goal poses alone, until the block ends; motion beside this process where that is quicker."""
+    with ExitStack() as stack:
+        loader = stack.enter_context(_launched_loader())
+        beside = motion and spare_processor()
+        process = stack.enter_context(MotionProcess()) if beside else None
+        gc.disable()  # a tenth of the time that torch takes to import goes to looking for garbage that is none
+        try:
+            services, settings = make_services("this command", motion=motion and not beside, loader=loader, **PRIVATE)
+        finally:
+            gc.enable()
+        here = stack.enter_context(running_in_thread(services, settings, http=False))
+        yield Started(here.grpc, (lambda: process.address) if process is not None else (lambda: here.grpc))
 
 
 def _launched_loader() -> "IsolatedLoader":
