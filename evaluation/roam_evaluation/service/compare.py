@@ -178,7 +178,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--json", type=Path, help="write all figures here")
     chosen = parser.parse_args(argv)
     measures = rows(Options(chosen.sessions, chosen.seconds, chosen.pieces, chosen.jobs))
-    builds = Build(_HERE), Build(chosen.against.resolve())
+    builds = Build(_HERE), Build(chosen.against.absolute())
     figures: dict[str, dict[str, Any]] = {}
     loads = [psutil.getloadavg()[0]]
     for name in chosen.rows.split(","):

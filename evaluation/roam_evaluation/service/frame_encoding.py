@@ -49,7 +49,7 @@ def _told_as_differences() -> dict[str, float]:
     """Bytes of a frame under DELTA16, the mean of ten seconds of people who walk and who stand."""
     animator = Animator.load(WEIGHTS / "motion.safetensors")
     found = {}
-    for name, intent in (("walking", Steer((0.3, 1.0))), ("standing", Idle())):
+    for name, intent in (("walking", Steer(np.array([0.3, 1.0]))), ("standing", Idle())):
         state, before, sizes = animator.start((0.0, 0.0), 0.0, 1), tuple[FrameData, ...](), []
         following = Following(FrameFormat(encoding=motion_pb2.ROTATION_ENCODING_DELTA16))
         for sequence in range(1, 301):
