@@ -1,10 +1,13 @@
-"""Where the real data lie, for the few tests that need them; and one thread for tensors, as servers have."""
+"""Where the real data lie, for the few tests that need them; one thread for tensors, as servers have; and a folder of
+the tests' own for what processes keep for one another."""
 
 import os
+import tempfile
 from pathlib import Path
 
 # With more, sums are split otherwise and round otherwise: frames computed here would not be those of a server.
 os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["ROAM_CACHE"] = str(Path(tempfile.gettempdir()) / f"roam-tests-{os.getuid()}")
 
 import pytest
 

@@ -11,12 +11,13 @@ from typing import Any
 import grpc.aio
 import numpy as np
 from roam.v1 import motion_pb2, motion_pb2_grpc, skeleton_pb2
+from roam_client.connection.deltas import DeltaReader
 from roam_motion.app import motion_server
 from roam_motion.settings import MotionSettings
 from script import FOLDER, ROOT, Script, Step, response
 
 SESSION = "sessions/1f"
-FRAMES = 14
+FRAMES, JOINTS = 14, 22
 PAUSE: Step = {"pause": 0.7}  # [s]
 Message = motion_pb2.AnimateResponse
 
@@ -73,8 +74,8 @@ def event(kind: str, sequence: int, **fields: Any) -> Step:
     return sending(Message(event=motion_pb2.SessionEvent(type=number, sequence=sequence, **fields)))
 
 
-def line(step: Step, encoding: str = "float32") -> dict[str, Any]:
-    """What a driver prints of a message, read from its bytes as proto/README.md says."""
+def line(step: Step, encoding: str = "float32", deltas: DeltaReader | None = None) -> dict[str, Any]:
+    """What a driver prints of a message, read from its bytes as proto/README.md says; `deltas` read those before."""
     message = response(step)
     if message.HasField("event"):
         told = message.event
@@ -90,12 +91,13 @@ def line(step: Step, encoding: str = "float32") -> dict[str, Any]:
     if encoding == "float32":
         rotations = np.frombuffer(frame.rotations, "<f4").astype(float)
     else:
-        packed = np.frombuffer(frame.rotations, "<i2").reshape(-1, 4) / 32767
+        data = frame.rotations if deltas is None else deltas.read(frame.rotations)
+        packed = np.frombuffer(data, "<i2").reshape(-1, 4) / 32767
         rotations = (packed / np.linalg.norm(packed, axis=1, keepdims=True)).ravel()
     return {
         "type": "frame",
         "sequence": frame.sequence,
-        "time": frame.time,
+        "time": frame.sequence / 30 if encoding == "delta16" else frame.time,
         "root_position": [round(float(v), 6) for v in np.frombuffer(frame.root, "<f4")[:3]],
         "rotations": [round(float(v), 6) for v in rotations],
         "action": skeleton_pb2.Action.Name(frame.action).removeprefix("ACTION_"),
@@ -106,7 +108,8 @@ def script(name: str, about: str, connections: list[list[Step]], *, count: int, 
     """A session; the driver must print every frame once and every event."""
     encoding = client.get("encoding", "float32")
     sent = [step for steps in connections for step in steps if "send" in step or "send_file" in step]
-    told = [line(step, encoding) for step in sent if not response(step).HasField("header")]
+    deltas = DeltaReader(JOINTS) if encoding == "delta16" else None
+    told = [line(step, encoding, deltas) for step in sent if not response(step).HasField("header")]
     seen, output = 0, []
     for item in told:
         if item["type"] == "event" or item["sequence"] > seen:
@@ -123,9 +126,9 @@ def opened(after: int = 0, **fields: Any) -> Step:
 class Situations:
     """The sessions, made of the recorded messages."""
 
-    def __init__(self, full: list[Message], short: list[Message]) -> None:
+    def __init__(self, full: list[Message], short: list[Message], deltas: list[Message]) -> None:
         skeleton = full[0].header.skeleton.id
-        self.full, self.short = full, short
+        self.full, self.short, self.deltas = full, short, deltas
         self.begun = [opened(), header(full), *frames(full, 1, 5)]
         self.resumed = [header(full, 6, bare=True), *frames(full, 6, 8)]
         self.again = opened(5, resumeToken="token-1", knownSkeletonId=skeleton)
@@ -145,9 +148,17 @@ class Situations:
         return [
             script("decode", "frames with float32 rotations", [self.begun], count=5, pacing="burst"),
             script("decode-snorm16", "frames with packed rotations", [packed], count=5, **options),
+            self.decoding_deltas(),
             script("golden", "the byte vectors of proto/golden", [golden], count=1, **options),
             script("acknowledge", "a reader in real time acknowledges", [read], count=9),
         ]
+
+    def decoding_deltas(self) -> Script:
+        """Rotations as differences from the frames before."""
+        asked = {"rotationEncodings": ["ROTATION_ENCODING_DELTA16", "ROTATION_ENCODING_SNORM16"]}
+        steps = [opened(**asked), header(self.deltas), *frames(self.deltas, 1, 9)]
+        about = "frames told as differences from those before (for clients that read delta16)"
+        return script("decode-delta16", about, [steps], count=9, encoding="delta16", pacing="burst")
 
     def breaks(self) -> list[Script]:
         """Streams that break or fall silent, and go on."""
@@ -204,7 +215,8 @@ def main() -> None:
     """The program."""
     full = asyncio.run(recorded(motion_pb2.ROTATION_ENCODING_FLOAT32))
     short = asyncio.run(recorded(motion_pb2.ROTATION_ENCODING_SNORM16))
-    for one in Situations(full, short).all():
+    deltas = asyncio.run(recorded(motion_pb2.ROTATION_ENCODING_DELTA16))
+    for one in Situations(full, short, deltas).all():
         one.save(FOLDER)
     print(f"{len(list(FOLDER.glob('*.json')))} sessions in {Path(FOLDER).relative_to(ROOT)}")
 

@@ -30,7 +30,7 @@ def pair(name: str, action: str) -> ReferencePair:
         action=action,
         categories=(),
         pose=rest_pose(humanoid_skeleton()),
-        shape=load_shape(box_file(), "glb"),
+        source=load_shape(box_file(), "glb"),
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from roam.v1 import motion_pb2, skeleton_pb2
+from roam_motion.api.deltas import pack_deltas
 
 GOLDEN = Path(__file__).parents[2] / "proto/golden"
 VIEWER = Path(__file__).parents[2] / "clients/python/roam_command/viewer"
@@ -196,3 +197,33 @@ def test_the_golden_requests_are_written_bit_for_bit():
     written = in_node(*({"kind": "AnimateRequest", "message": message} for message in requests.values()))
     for name, data in zip(requests, written, strict=True):
         assert base64.b64decode(data) == vectors[name][0], name
+
+
+DELTAS = """
+import { readFileSync } from "node:fs";
+const [folder] = process.argv.slice(1);
+const { DeltaReader } = await import(`${folder}/deltas.js`);
+const reader = new DeltaReader();
+const frames = JSON.parse(readFileSync(0, "utf8")).map((data) => new Uint8Array(Buffer.from(data, "base64")));
+console.log(JSON.stringify(frames.map((bytes) => [...reader.read(bytes)])));
+"""
+
+
+def test_the_page_reads_differences_as_the_python_client_does():
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("needs node to run the page's scripts outside a browser")
+    rng = np.random.default_rng(0)
+    steady = rng.integers(-9000, 9000, (3, 4)) + np.arange(20)[:, None, None] * rng.integers(-50, 50, (3, 4))
+    wanted = [*steady.astype(np.int16), *rng.integers(-32768, 32768, (5, 3, 4)).astype(np.int16)]
+    before: list[np.ndarray] = []
+    sent = []
+    for rotations in wanted:
+        sent.append(base64.b64encode(pack_deltas(rotations, before)).decode())
+        before = [rotations, *before[:1]]
+    done = subprocess.run(
+        [node, "--input-type=module", "-e", DELTAS, "--", str(VIEWER)],
+        input=json.dumps(sent), capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    read = np.array(json.loads(done.stdout)).reshape(-1, 3, 4)
+    np.testing.assert_allclose(read * 32767, np.array(wanted), atol=0.01)

@@ -60,6 +60,7 @@ evaluate_app.command("uploads", context_settings=PASS_ON)(evaluate.uploads)
 evaluate_app.command("throughput", context_settings=PASS_ON)(evaluate.throughput)
 evaluate_app.command("load", context_settings=PASS_ON)(evaluate.load)
 evaluate_app.command("soak", context_settings=PASS_ON)(evaluate.soak)
+evaluate_app.command("compare", context_settings=PASS_ON)(evaluate.compare)
 app.add_typer(evaluate_app, name="evaluate")
 
 

@@ -3,11 +3,16 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from roam_client import Client
+from roam_client.connection.calls import MOTION
 
 from roam_command.options.shared import ServerChoice
 from roam_command.reports import UsageError, stderr
+
+if TYPE_CHECKING:
+    from roam_command.embedded import Started
 
 
 @dataclass(frozen=True)
@@ -46,8 +51,11 @@ def _checked(address: str) -> str:
 
 
 @contextmanager
-def connected(to: ServerChoice) -> Iterator[Client]:
-    """A client of both services; where no server is named they run inside this process until the block ends."""
+def connected(to: ServerChoice, *, motion: bool = True) -> Iterator[Client]:
+    """A client of both services; where no server is named they run inside this process until the block ends.
+
+    Without `motion` only goal poses can be asked for there.
+    """
     if to.server is not None:
         at = parse_server(to.server)
         with Client(goalpose=at.goalpose, motion=at.motion, **to.security) as client:
@@ -56,5 +64,17 @@ def connected(to: ServerChoice) -> Iterator[Client]:
     from roam_command.embedded import embedded
 
     stderr.print("starting services (--server uses running ones) …", style="dim")
-    with embedded() as address, Client(goalpose=address, motion=address) as client:
+    with embedded(motion=motion) as started, _LateClient(started) as client:
         yield client
+
+
+class _LateClient(Client):
+    """A client of services that may still be starting: motion is waited for when it is first asked."""
+
+    def __init__(self, started: "Started") -> None:
+        super().__init__(goalpose=started.goalpose)
+        self._started = started
+
+    def target(self, service: str) -> str:
+        """The address of a service. RoamError when it cannot start."""
+        return self._started.motion() if service == MOTION else super().target(service)

@@ -40,14 +40,15 @@ def motion_servers(count: int = 1, options: Sequence[str] = ()) -> Iterator[list
         subprocess.Popen([*command, *options], env=environment, stdout=subprocess.PIPE, text=True) for _ in range(count)
     ]
     try:
-        yield [_ready(process) for process in started]
+        yield [ready(process) for process in started]
     finally:
         for process in started:
             process.kill()
             process.wait()
 
 
-def _ready(process: "subprocess.Popen[str]") -> ServerProcess:
+def ready(process: "subprocess.Popen[str]") -> ServerProcess:
+    """Waits until a server says where it answers. RuntimeError when it ends instead."""
     assert process.stdout is not None
     words = process.stdout.readline().split()
     if len(words) != 3 or words[0] != "ready":

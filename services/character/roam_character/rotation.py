@@ -6,6 +6,8 @@ at half turns.
 
 from typing import Any
 
+from array_api_compat import is_torch_namespace
+
 from roam_character.arrays import Array, constant, indices, like, namespace
 
 # Below this, a squared length counts as zero: keeps square roots differentiable at the identity.
@@ -91,7 +93,10 @@ def quat_rotate(q: Array, v: Array) -> Array:
 
 
 def _broadcast(a: Any, b: Any) -> Any:
-    return namespace(a, b).broadcast_arrays(a, b)
+    xp = namespace(a, b)
+    if is_torch_namespace(xp):  # torch works out common shapes in Python, and imports sympy for it
+        return xp.broadcast_tensors(a, b)
+    return xp.broadcast_arrays(a, b)
 
 
 def quat_from_rotvec(v: Array) -> Array:

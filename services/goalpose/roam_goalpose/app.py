@@ -4,10 +4,10 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import grpc
 import torch
-from fastapi import APIRouter
 from roam_character.body import body_capsules
 from roam_character.skeleton import humanoid_skeleton
 from roam_serving.endpoints.skeletons import skeleton_message
@@ -19,8 +19,7 @@ from roam_serving.server import main as run
 from roam_serving.shipped import weights_of
 
 from roam_goalpose.api import rpc
-from roam_goalpose.api.http import goalpose_router
-from roam_goalpose.objects import Limits, load_shape
+from roam_goalpose.objects import Limits
 from roam_goalpose.objects.isolation import IsolatedLoader
 from roam_goalpose.service.application import GoalPoseApplication, ReadsObjects, SynthesizesPoses
 from roam_goalpose.service.jobs import Jobs
@@ -28,18 +27,24 @@ from roam_goalpose.service.pool import SynthesizerPool
 from roam_goalpose.settings import GoalPoseSettings
 from roam_goalpose.synthesis import Synthesizer, SynthesizerSettings
 
+if TYPE_CHECKING:
+    from fastapi import APIRouter
+
 
 class GoalPoseService:
-    """The goal pose service as `serving` runs it; implements serving.service.Service."""
+    """The goal pose service as `serving` runs it; implements serving.service.Service.
+
+    `loader` reads uploads, if it was launched before the rest was imported; `close` ends it.
+    """
 
     name = "goalpose"
 
-    def __init__(self, settings: GoalPoseSettings) -> None:
+    def __init__(self, settings: GoalPoseSettings, loader: IsolatedLoader | None = None) -> None:
         self._settings = settings
         self._application: GoalPoseApplication | None = None
         self._jobs: Jobs | None = None
         self._pool: SynthesizerPool | None = None
-        self._loader: IsolatedLoader | None = None
+        self._loader = loader
         self._models: dict[str, str] = {}
         skeleton = humanoid_skeleton()
         self.skeletons = [skeleton_message(skeleton, body_capsules(skeleton))]
@@ -70,8 +75,10 @@ class GoalPoseService:
         self._application = GoalPoseApplication(synthesizer, load, self._settings, metrics.registry)
         self._jobs = Jobs(self._application)
 
-    def router(self) -> APIRouter:
+    def router(self) -> "APIRouter":
         """HTTP routes."""
+        from roam_goalpose.api.http import goalpose_router  # here: gRPC alone does without it
+
         return goalpose_router(self._loaded, self._loaded_jobs)
 
     def add_to(self, server: grpc.aio.Server) -> Sequence[str]:
@@ -95,8 +102,11 @@ class GoalPoseService:
     def _warm_reader(self) -> ReadsObjects:
         """What uploads are read with; starting a child process takes about as long as loading the field."""
         if not self._settings.isolate_uploads:
+            from roam_goalpose.objects import load_shape  # here: a server seldom reads files itself
+
             return load_shape
-        self._loader = IsolatedLoader(limits=Limits(bytes=self._settings.max_upload_bytes))
+        self._loader = self._loader or IsolatedLoader()
+        self._loader.limits = Limits(bytes=self._settings.max_upload_bytes)
         self._loader.warm()
         return self._loader.load
 

@@ -26,6 +26,7 @@ from roam_goalpose.field.field import Field
 from roam_goalpose.objects import Shape
 from roam_goalpose.objects.own_axes import Placement, in_own_axes
 from roam_goalpose.references.bodies import fitted
+from roam_goalpose.references.kept_models import KeptModels
 from roam_goalpose.references.model import StudiedPair, model_reference, study_pair
 from roam_goalpose.references.pairs import ACTIONS, ReferencePair, load_references
 from roam_goalpose.solvers.candidates import Candidates
@@ -113,6 +114,7 @@ class Synthesizer:
         default_factory=lambda: RecentCache(MODELS)
     )
     _studied: RecentCache[tuple[str, str], StudiedPair] = dataclasses.field(default_factory=lambda: RecentCache(MODELS))
+    _kept: KeptModels | None = None
     _steps: SharedSteps = dataclasses.field(default_factory=SharedSteps)
     _lock: Lock = dataclasses.field(default_factory=Lock)
 
@@ -122,8 +124,9 @@ class Synthesizer:
         settings = settings or SynthesizerSettings()
         if not settings.weights.exists():
             raise FileNotFoundError(f"no field weights at {settings.weights}; train them with `roam train field`")
-        digest = hashlib.sha256(settings.weights.read_bytes()).hexdigest()
-        return cls(Field.load(settings.weights), load_references(settings.references), f"sha256:{digest}")
+        name = f"sha256:{hashlib.sha256(settings.weights.read_bytes()).hexdigest()}"
+        references = load_references(settings.references)
+        return cls(Field.load(settings.weights), references, name, _kept=KeptModels(name))
 
     def synthesize(
         self,
@@ -199,9 +202,19 @@ class Synthesizer:
         with self._lock:
             known = self._models.get(key)
             if known is None:
-                known = model_reference(self._study(pair), samples=samples, seed=seed)
+                known = self._modelled(pair, seed, samples)
                 self._models.put(key, known)
             return known
+
+    def _modelled(self, pair: ReferencePair, seed: int, samples: int) -> ReferenceModel:
+        """From the file that an earlier process has left, or made now."""
+        known = None if self._kept is None else self._kept.get(pair, seed=seed, samples=samples)
+        if known is not None:
+            return known
+        made = model_reference(self._study(pair), samples=samples, seed=seed)
+        if self._kept is not None:
+            self._kept.put(pair, made, seed=seed, samples=samples)
+        return made
 
     def _study(self, pair: ReferencePair) -> StudiedPair:
         """What no seed changes, computed once."""

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import grpc
 import torch
-from fastapi import APIRouter
 from roam_character.body import body_capsules
 from roam_character.skeleton import Skeleton, humanoid_skeleton
 from roam_serving.endpoints.skeletons import skeleton_message
@@ -23,15 +23,15 @@ from roam_serving.shipped import WEIGHTS, weights_of
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
 from roam_motion.api import rpc
-from roam_motion.api.http import motion_router
-from roam_motion.api.websocket import websocket_router
 from roam_motion.control.plausibility import check_goal
 from roam_motion.session.application import MotionApplication
 from roam_motion.session.store.base import SessionStore
 from roam_motion.session.store.codec import RecordCodec
-from roam_motion.session.store.redis import RedisStore
 from roam_motion.session.worker import WorkerProcess, build_name
 from roam_motion.settings import MotionSettings
+
+if TYPE_CHECKING:
+    from fastapi import APIRouter
 
 SHIPPED_WEIGHTS = WEIGHTS / "motion.safetensors"
 
@@ -46,7 +46,11 @@ def _load(weights: Path, settings: MotionSettings) -> tuple[Animator, WorkerProc
 
 def _store(settings: MotionSettings, skeleton: Skeleton) -> SessionStore | None:
     """The store that replicas share; None for a replica that is alone."""
-    return None if settings.session_store == "memory" else RedisStore.at(settings.session_store, RecordCodec(skeleton))
+    if settings.session_store == "memory":
+        return None
+    from roam_motion.session.store.redis import RedisStore  # here: a replica that is alone does without it
+
+    return RedisStore.at(settings.session_store, RecordCodec(skeleton))
 
 
 def _tell_health(readiness: Readiness, well: bool) -> None:
@@ -103,8 +107,13 @@ class MotionService:
         )
         await self._application.start()
 
-    def router(self) -> APIRouter:
+    def router(self) -> "APIRouter":
         """HTTP and WebSocket routes."""
+        from fastapi import APIRouter  # here: gRPC alone does without it
+
+        from roam_motion.api.http import motion_router
+        from roam_motion.api.websocket import websocket_router
+
         router = APIRouter()
         router.include_router(motion_router(self._loaded))
         router.include_router(websocket_router(self._loaded, self.skeletons[0].skeleton))

@@ -13,7 +13,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from roam_serving.access import Access, AccessControl
+from roam_serving.access import Access
 from roam_serving.error_replies.closings import closing
 from roam_serving.error_replies.problems import PROBLEM_RESPONSES, add_problem_handlers, problem_response
 from roam_serving.errors import HOST_NOT_ALLOWED, INTERNAL, ORIGIN_NOT_ALLOWED, ServiceError
@@ -22,6 +22,7 @@ from roam_serving.monitoring.metrics import Metrics
 from roam_serving.monitoring.readiness import Readiness
 from roam_serving.monitoring.tracing import Tracing
 from roam_serving.settings import ServerSettings
+from roam_serving.web.access import AccessControl
 
 log = get_log("serving.http")
 

@@ -2,24 +2,20 @@
 
 import asyncio
 import signal
-import socket
 import sys
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as package_version
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import grpc
-import uvicorn
-from fastapi import FastAPI
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
 from roam_serving.access import Access
 from roam_serving.collector import spare_collector
 from roam_serving.endpoints.describe import ServerServicer, describe_router
 from roam_serving.endpoints.skeletons import SkeletonCatalogue, SkeletonServicer, skeletons_router
-from roam_serving.http import create_http_app
 from roam_serving.monitoring.logs import configure_logs, get_log
 from roam_serving.monitoring.metrics import Metrics
 from roam_serving.monitoring.readiness import Readiness
@@ -28,8 +24,13 @@ from roam_serving.rpc.channel import SERVER_OPTIONS
 from roam_serving.rpc.health import add_health, add_reflection
 from roam_serving.rpc.interceptor import RequestInterceptor
 from roam_serving.service import Service
-from roam_serving.settings import MIB, ServerSettings, SettingsError, read_settings
+from roam_serving.settings import ServerSettings, SettingsError, read_settings
 from roam_serving.transport import transport_security
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+    from roam_serving.web.port import HttpPort
 
 log = get_log("serving.server")
 
@@ -40,30 +41,8 @@ VERSION = package_version("roam-services")
 class Addresses:
     """Where a running server listens."""
 
-    http: str  # "http://127.0.0.1:8080", https with TLS
+    http: str  # "http://127.0.0.1:8080", https with TLS; "" where only gRPC is served
     grpc: str  # "127.0.0.1:50051"
-
-
-class _Uvicorn(uvicorn.Server):
-    """uvicorn without its own signal handlers: this module owns the shutdown."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
-
-
-def _bind(settings: ServerSettings) -> socket.socket:
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((settings.host, settings.http_port))
-    except OSError as error:
-        listener.close()
-        where = f"{settings.host}:{settings.http_port}"
-        raise OSError(error.errno, f"cannot listen on {where} ({error.strerror}); choose another HTTP port") from error
-    listener.setblocking(False)
-    return listener
 
 
 def _host(host: str) -> str:
@@ -71,9 +50,12 @@ def _host(host: str) -> str:
 
 
 class Server:
-    """Ports, health and life cycle around some services; made by `running`."""
+    """Ports, health and life cycle around some services; made by `running`.
 
-    def __init__(self, services: Sequence[Service], settings: ServerSettings) -> None:
+    Without `http` it answers gRPC alone, and nothing of the web framework is imported.
+    """
+
+    def __init__(self, services: Sequence[Service], settings: ServerSettings, *, http: bool = True) -> None:
         self.services = services
         self.settings = settings
         self._tls = transport_security(settings)
@@ -86,30 +68,30 @@ class Server:
             interceptors=[RequestInterceptor(self.metrics, self._access, self._tracing)],
             options=SERVER_OPTIONS,
         )
-        self._uvicorn: _Uvicorn
-        self._http_task: asyncio.Task[None]
+        self._wants_http = http
+        self._http: HttpPort | None = None
         self.addresses: Addresses
 
     async def open(self) -> None:
         """Opens both ports; /livez answers from here on, /readyz says that models are loading."""
         self.readiness.block("models", "loading")
-        listener = _bind(self.settings)
+        if self._wants_http:
+            from roam_serving.web.port import HttpPort  # here: gRPC alone does without it
+
+            self._http = HttpPort(self.settings, self._tls)
         try:
             grpc_port = self._open_grpc()
         except OSError:
-            listener.close()
+            if self._http is not None:
+                self._http.release()
             raise
         await self._grpc.start()
-        self._uvicorn = _Uvicorn(self._uvicorn_config())
-        self._http_task = asyncio.create_task(self._uvicorn.serve(sockets=[listener]))
         host = _host(self.settings.host)
-        scheme = "https" if self._tls else "http"
-        self.addresses = Addresses(f"{scheme}://{host}:{listener.getsockname()[1]}", f"{host}:{grpc_port}")
-        while not self._uvicorn.started:
-            if self._http_task.done():
-                self._http_task.result()
-                raise RuntimeError("the HTTP server ended while starting")
-            await asyncio.sleep(0.005)
+        http = ""
+        if self._http is not None:
+            await self._http.open(self.http_application())
+            http = f"{'https' if self._tls else 'http'}://{host}:{self._http.number}"
+        self.addresses = Addresses(http, f"{host}:{grpc_port}")
 
     async def load(self) -> None:
         """Loads every service's models; the server is ready afterwards."""
@@ -122,12 +104,14 @@ class Server:
         """Readiness off, streams told, running requests finished within `grace` seconds, ports closed."""
         self.readiness.block("server", "draining")
         await asyncio.gather(*(service.drain() for service in self.services))
-        self._uvicorn.should_exit = True
-        _, pending = await asyncio.wait(
-            [asyncio.ensure_future(self._grpc.stop(grace)), self._http_task], timeout=grace + 1
-        )
+        ending: list[asyncio.Future[None]] = [asyncio.ensure_future(self._grpc.stop(grace))]
+        if self._http is not None:
+            self._http.stop()
+            ending.append(self._http.task)
+        _, pending = await asyncio.wait(ending, timeout=grace + 1)
         if pending:
-            self._uvicorn.force_exit = True
+            if self._http is not None:
+                self._http.abandon()
             await asyncio.wait(pending, timeout=1)
         for service in self.services:
             await service.close()
@@ -154,8 +138,10 @@ class Server:
         except RuntimeError as error:
             raise OSError(f"cannot listen on {where}; choose another gRPC port") from error
 
-    def http_application(self) -> FastAPI:
+    def http_application(self) -> "FastAPI":
         """Everything that answers over HTTP."""
+        from roam_serving.http import create_http_app  # here: gRPC alone does without it
+
         return create_http_app(
             title=f"ROAM {' and '.join(service.name for service in self.services)}",
             version=VERSION,
@@ -171,28 +157,17 @@ class Server:
             tracing=self._tracing,
         )
 
-    def _uvicorn_config(self) -> uvicorn.Config:
-        return uvicorn.Config(
-            self.http_application(),
-            log_config=None,
-            access_log=False,
-            lifespan="off",
-            ws="websockets-sansio",
-            ws_max_size=MIB,  # controls are small; uploads do not come this way
-            ws_per_message_deflate=False,  # packed floats do not shrink
-            timeout_graceful_shutdown=max(1, round(self.settings.drain_seconds)),
-            **(self._tls.uvicorn_options() if self._tls else {}),
-        )
-
 
 @asynccontextmanager
-async def running(services: Sequence[Service], settings: ServerSettings) -> AsyncIterator[Addresses]:
-    """Runs the services inside this event loop; the addresses come when everything is ready.
+async def running(
+    services: Sequence[Service], settings: ServerSettings, *, http: bool = True
+) -> AsyncIterator[Addresses]:
+    """Runs the services inside this event loop, with or without an HTTP port; the addresses come when all is ready.
 
     Raises OSError when a port is taken, SettingsError when those of TLS or keys do not fit, and whatever a service's
     `load` raises.
     """
-    server = Server(services, settings)
+    server = Server(services, settings, http=http)
     await server.open()
     try:
         await server.load()

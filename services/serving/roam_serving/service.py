@@ -1,14 +1,16 @@
 """What a service gives to the server that runs it."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import grpc
-from fastapi import APIRouter
 from roam.v1 import skeleton_pb2
 
 from roam_serving.monitoring.metrics import Metrics
 from roam_serving.monitoring.readiness import Readiness
+
+if TYPE_CHECKING:
+    from fastapi import APIRouter
 
 
 class Service(Protocol):
@@ -38,7 +40,7 @@ class Service(Protocol):
         """Loads weights and starts background work; called once, with the ports already open."""
         ...
 
-    def router(self) -> APIRouter:
+    def router(self) -> "APIRouter":
         """The HTTP routes."""
         ...
 

@@ -18,6 +18,7 @@ OTHER_VARIABLES = frozenset(
     PREFIX + name
     for name in (
         "API_KEY",
+        "CACHE",
         "DATA",
         "ENGINE_SCRIPTS",
         "FUZZ_EXAMPLES",

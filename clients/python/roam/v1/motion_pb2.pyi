@@ -34,6 +34,10 @@ class _RotationEncodingEnumTypeWrapper(_enum_type_wrapper._EnumTypeWrapper[_Rota
     """Four little-endian float32, xyzw: 16 bytes a joint."""
     ROTATION_ENCODING_SNORM16: _RotationEncoding.ValueType  # 2
     """Four little-endian int16 scaled by 32767, xyzw: 8 bytes a joint (glTF normalized SHORT)."""
+    ROTATION_ENCODING_DELTA16: _RotationEncoding.ValueType  # 3
+    """The numbers of SNORM16 as differences from the frames before on the same stream, 1 to 6 bytes a joint; root is the
+    position alone, shape [3], and time is left out. proto/README.md has the bits.
+    """
 
 class RotationEncoding(_RotationEncoding, metaclass=_RotationEncodingEnumTypeWrapper):
     """How a joint rotation is packed in Frame.rotations."""
@@ -44,6 +48,10 @@ ROTATION_ENCODING_FLOAT32: RotationEncoding.ValueType  # 1
 """Four little-endian float32, xyzw: 16 bytes a joint."""
 ROTATION_ENCODING_SNORM16: RotationEncoding.ValueType  # 2
 """Four little-endian int16 scaled by 32767, xyzw: 8 bytes a joint (glTF normalized SHORT)."""
+ROTATION_ENCODING_DELTA16: RotationEncoding.ValueType  # 3
+"""The numbers of SNORM16 as differences from the frames before on the same stream, 1 to 6 bytes a joint; root is the
+position alone, shape [3], and time is left out. proto/README.md has the bits.
+"""
 Global___RotationEncoding: _TypeAlias = RotationEncoding  # noqa: Y015
 
 class _Pacing:
@@ -201,9 +209,11 @@ class Frame(_message.Message):
     sequence: _builtins.int
     """1, 2, 3, ... within a session; never reused, never reordered."""
     time: _builtins.float
-    """Session time [s]: sequence / frame_rate."""
+    """Session time [s]: sequence / frame_rate; left out under DELTA16."""
     root: _builtins.bytes
-    """World root transform: position [m] then rotation xyzw, little-endian float32, shape [7]."""
+    """World root transform: position [m] then rotation xyzw, little-endian float32, shape [7]; under DELTA16 [3], the
+    rotation is that of joint 0.
+    """
     rotations: _builtins.bytes
     """Local rotations, shape [J, 4], packed as StreamHeader.rotation_encoding says."""
     contacts: _builtins.int

@@ -71,7 +71,8 @@ class AsyncSession(BaseSession):
         after_sequence: int = 0,
         resume_for: float = 10.0,
     ) -> AsyncStream:
-        """Frames down, controls up, in one call. `pacing`: realtime, credit, burst; `encoding`: float32, snorm16."""
+        """Frames down, controls up, in one call. `pacing`: realtime, credit, burst; `encoding`: float32, snorm16,
+        delta16 (as exact as snorm16, about half the bytes)."""
         state = self._state(
             pacing, encoding, joint_positions=joint_positions, credit=credit, after_sequence=after_sequence
         )

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from roam.v1 import motion_pb2
 
+from roam_client.connection.deltas import DeltaReader
 from roam_client.errors import WireError
 from roam_client.types.frames import Event, EventType, Frame, Header
 from roam_client.types.skeleton import Skeleton
@@ -21,7 +22,12 @@ REALTIME = motion_pb2.PACING_REALTIME
 CREDIT = motion_pb2.PACING_CREDIT
 BURST = motion_pb2.PACING_BURST
 
-_ENCODINGS = {"float32": motion_pb2.ROTATION_ENCODING_FLOAT32, "snorm16": motion_pb2.ROTATION_ENCODING_SNORM16}
+# What to ask for, best first: a server that does not know the first takes the next.
+_ENCODINGS = {
+    "float32": [motion_pb2.ROTATION_ENCODING_FLOAT32],
+    "snorm16": [motion_pb2.ROTATION_ENCODING_SNORM16],
+    "delta16": [motion_pb2.ROTATION_ENCODING_DELTA16, motion_pb2.ROTATION_ENCODING_SNORM16],
+}
 _PACINGS = {"realtime": REALTIME, "credit": CREDIT, "burst": BURST}
 
 _SILENCE = 2.0  # [s] without a message after which a REALTIME stream goes on elsewhere
@@ -65,7 +71,7 @@ class StreamState:
     session: str
     counter: ControlCounter
     pacing: str = "realtime"  # realtime, credit or burst
-    encoding: str = "float32"  # float32 or snorm16
+    encoding: str = "float32"  # float32, snorm16 or delta16
     joint_positions: bool = False
     credit: int = 0  # frames granted ahead under credit pacing
     after_sequence: int = 0
@@ -74,6 +80,7 @@ class StreamState:
     outbox: list[motion_pb2.AnimateRequest] = field(default_factory=list)
     ended: bool = False
     _skeleton: Skeleton | None = None
+    _deltas: DeltaReader | None = None
     _resume_token: str = ""
     _stream: str = ""
     _acknowledged: int = 0
@@ -99,7 +106,7 @@ class StreamState:
             after_sequence=self.after_sequence,
             resume_token=self._resume_token,
             known_skeleton_id=self._skeleton.id if self._skeleton else "",
-            rotation_encodings=[_ENCODINGS[self.encoding]],
+            rotation_encodings=_ENCODINGS[self.encoding],
             pacing=_PACINGS[self.pacing],
             credit=self.credit,
             joint_positions=self.joint_positions,
@@ -126,6 +133,8 @@ class StreamState:
     def _receive_header(self, message: motion_pb2.StreamHeader) -> Header:
         self.header = Header.from_message(message, known=self._skeleton)
         self._skeleton = self.header.skeleton
+        delta16 = message.rotation_encoding == motion_pb2.ROTATION_ENCODING_DELTA16
+        self._deltas = DeltaReader(self._skeleton.joint_count) if delta16 else None
         self._resume_token = message.resume_token or self._resume_token
         self._confirm(message.last_control_id)
         self.counter.at_least(message.last_control_id)
@@ -138,6 +147,8 @@ class StreamState:
     def _receive_frame(self, message: motion_pb2.Frame) -> Frame | None:
         if self.header is None:
             raise WireError("a frame came before the stream's header")
+        if self._deltas is not None:
+            message = self.header.spelled_out(message, self._deltas)
         if message.sequence <= self.after_sequence:
             return None
         self.after_sequence = message.sequence

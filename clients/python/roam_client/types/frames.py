@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from roam.v1 import motion_pb2
 
+from roam_client.connection.deltas import DeltaReader
 from roam_client.connection.packing import Floats, unpack_bits, unpack_floats, unpack_rotations
 from roam_client.types.actions import Action, action_from_message
 from roam_client.types.skeleton import Skeleton
@@ -53,6 +54,14 @@ class Header:
             exact=message.exact,
         )
 
+    def spelled_out(self, message: motion_pb2.Frame, deltas: DeltaReader) -> motion_pb2.Frame:
+        """A frame under DELTA16 as SNORM16 would have it, without the root's rotation. Every one must come here."""
+        whole = motion_pb2.Frame()
+        whole.CopyFrom(message)
+        whole.rotations = deltas.read(message.rotations)
+        whole.time = message.sequence / self.frame_rate
+        return whole
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -71,8 +80,10 @@ class Frame:
     def from_message(cls, message: motion_pb2.Frame, header: Header) -> Self:
         """Decodes; WireError when the bytes do not fit the header."""
         skeleton = header.skeleton
-        root = unpack_floats(message.root, (7,), field="root")[:3]
-        rotations = unpack_rotations(message.rotations, skeleton.joint_count, header.rotation_encoding)
+        delta16 = header.rotation_encoding == motion_pb2.ROTATION_ENCODING_DELTA16
+        encoding = motion_pb2.ROTATION_ENCODING_SNORM16 if delta16 else header.rotation_encoding  # `spelled_out`
+        root = unpack_floats(message.root, (3,) if delta16 else (7,), field="root")[:3]
+        rotations = unpack_rotations(message.rotations, skeleton.joint_count, encoding)
         packed = message.joint_positions
         return cls(
             sequence=message.sequence,

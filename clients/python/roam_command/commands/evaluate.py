@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load|soak`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load|soak|compare`: quality and speed on a folder of objects."""
 
 import typer
 
@@ -43,3 +43,8 @@ def rigs(context: typer.Context) -> None:
 def uploads(context: typer.Context) -> None:
     """Files of known size and turning, uploaded with nothing said: right, doubted, refused or silently wrong."""
     delegate("roam_evaluation.uploads.reading", context.args, name="roam evaluate uploads")
+
+
+def compare(context: typer.Context) -> None:
+    """This build beside an earlier one, in turns: start, steps, frames, goal poses, memory (`--help` has options)."""
+    delegate("roam_evaluation.service.compare", context.args, name="roam evaluate compare")

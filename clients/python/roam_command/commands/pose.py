@@ -54,7 +54,7 @@ def pose(
         outputs = checked_outputs(output, pose_endings())
         check_exporters(outputs)
         character = who.load(height=extras.height)
-        with connected(to) as client, progress_bar() as bar:
+        with connected(to, motion=False) as client, progress_bar() as bar:
             start = time.perf_counter()
             place, goal = make_goal_pose(
                 client,

@@ -2,7 +2,7 @@
 
 import sys
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -33,7 +33,7 @@ def serve(
     """
     with reported(as_json=False):
         # A person reads the log at a terminal, a collector reads it anywhere else.
-        format = {"log_format": "console"} if sys.stderr.isatty() else {}
+        format: dict[str, Any] = {"log_format": "console"} if sys.stderr.isatty() else {}
         services, settings = make_services(
             "`roam serve`", host=host, http_port=http_port, grpc_port=grpc_port, **format
         )

@@ -2,7 +2,7 @@
 
 export const Action = { UNSPECIFIED: 0, IDLE: 1, WALK: 2, SIT: 3, LIE: 4 };
 export const ACTION_NAMES = ["", "idle", "walk", "sit", "lie"];
-export const Encoding = { FLOAT32: 1, SNORM16: 2 };
+export const Encoding = { FLOAT32: 1, SNORM16: 2, DELTA16: 3 };
 export const Pacing = { REALTIME: 1, CREDIT: 2, BURST: 3 };
 export const EventType = {
   GOAL_REACHED: 1, FRAMES_SKIPPED: 2, DRAINING: 3, CONTROL_APPLIED: 4, SESSION_ENDED: 5, WARNING: 6,

@@ -1,5 +1,6 @@
 // One session's frames over WebSocket: the protobuf bytes of Animate, resumed by itself when the connection breaks.
 
+import { DeltaReader } from "./deltas.js";
 import { AnimateRequest, AnimateResponse, Encoding, EventType, Pacing } from "./messages.js";
 import { decode, encode, floats, snorm16 } from "./protobuf.js";
 
@@ -34,7 +35,7 @@ export class FrameStream {
         session: this.session,
         after_sequence: this.lastSequence,
         resume_token: this.header?.resume_token,
-        rotation_encodings: [Encoding.SNORM16],
+        rotation_encodings: [Encoding.DELTA16, Encoding.SNORM16],
         pacing: Pacing.REALTIME,
       },
     });
@@ -58,6 +59,7 @@ export class FrameStream {
 
   receiveHeader(header) {
     this.header = header;
+    this.deltas = new DeltaReader();
     const confirmed = header.last_control_id ?? 0;
     this.lastControl = Math.max(this.lastControl, confirmed);
     for (const id of [...this.unconfirmed.keys()]) if (id <= confirmed) this.unconfirmed.delete(id);
@@ -66,12 +68,17 @@ export class FrameStream {
   }
 
   receiveFrame(frame) {
+    const rotations = this.rotations(frame.rotations); // of every frame: the next may be told as a difference from it
     if (frame.sequence <= this.lastSequence) return;
     this.lastSequence = frame.sequence;
-    const root = floats(frame.root);
-    const packed = this.header.rotation_encoding === Encoding.SNORM16 ? snorm16 : floats;
-    this.on.frame({ ...frame, root: root.subarray(0, 3), rotations: packed(frame.rotations) });
+    const time = frame.sequence / this.header.frame_rate;
+    this.on.frame({ ...frame, time, root: floats(frame.root).subarray(0, 3), rotations });
     this.write({ ack: { sequence: frame.sequence } });
+  }
+
+  rotations(packed) {
+    if (this.header.rotation_encoding === Encoding.DELTA16) return this.deltas.read(packed);
+    return this.header.rotation_encoding === Encoding.SNORM16 ? snorm16(packed) : floats(packed);
   }
 
   receiveEvent(event) {

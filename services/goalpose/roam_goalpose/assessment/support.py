@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 import torch
-from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
+from roam_goalpose.assessment.hull import breadth
 from roam_goalpose.energy.figure import Figure
 from roam_goalpose.energy.scene import Target
 
@@ -73,13 +73,8 @@ def base_breadth(target: Target) -> float:
 
 def _breadth_at(target: Target, reach: float) -> float:
     """The same of what is within `reach` [m] of a plane as high over the floor."""
-    touching = _touching(target, reach)
-    try:
-        hull = ConvexHull(touching)
-    except (QhullError, ValueError):
-        return 0.0
-    corners, normals = touching[hull.vertices], hull.equations[:, :2]
-    return float(np.ptp(corners @ normals.T, axis=0).min()) + _STEP
+    narrowest = breadth(_touching(target, reach))
+    return narrowest + _STEP if narrowest > 0 else 0.0
 
 
 def _touching(target: Target, reach: float) -> npt.NDArray[np.float64]:

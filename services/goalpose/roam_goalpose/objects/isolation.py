@@ -52,10 +52,14 @@ class IsolatedLoader:
         for reader in self._readers:
             self._idle.put(reader)
 
-    def warm(self) -> None:
-        """Start every reader and wait until all have loaded their libraries."""
+    def launch(self) -> None:
+        """Start every reader without waiting for it."""
         for reader in self._readers:
             reader.launch()
+
+    def warm(self) -> None:
+        """Start every reader and wait until all have loaded their libraries."""
+        self.launch()
         taken = [self._idle.get() for _ in self._readers]
         for reader in taken:
             reader.wait_ready()

@@ -1,6 +1,6 @@
 """Between the protocol's messages and this service's own types: the only place that knows both."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -15,13 +15,15 @@ from roam_motion.actions import ACTIONS, IDLE, WALK, action_numbered
 from roam_motion.animation.figure import CONTACT_JOINTS
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.api import validation
+from roam_motion.api.deltas import MOST_BEFORE, pack_deltas
 from roam_motion.control.intent import Goal, Idle, Steer
 from roam_motion.errors import GOAL_INVALID
 from roam_motion.session.records import ControlChange, ControlRequest, Event, SessionRequest
 from roam_motion.session.session import FrameRecord, Session
 from roam_motion.session.stream import FrameStream, Item, Pacing, StreamOptions, StreamStart
 
-_ENCODINGS = (motion_pb2.ROTATION_ENCODING_FLOAT32, motion_pb2.ROTATION_ENCODING_SNORM16)
+_DELTA16 = motion_pb2.ROTATION_ENCODING_DELTA16
+_ENCODINGS = (motion_pb2.ROTATION_ENCODING_FLOAT32, motion_pb2.ROTATION_ENCODING_SNORM16, _DELTA16)
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,23 @@ class FrameFormat:
 
     encoding: int = motion_pb2.ROTATION_ENCODING_FLOAT32
     joint_positions: bool = False
+    seen: int = 0  # how many of the frames just before it the reader has, as far as its encoding looks back
+
+
+class Following:
+    """How the frames of one stream are packed: which of those before each its reader has seen."""
+
+    def __init__(self, frame_format: FrameFormat) -> None:
+        self.format = frame_format
+        self._last, self._unbroken = -1, 0  # the sequence sent last, and how many were sent without a gap before it
+
+    def of(self, record: FrameRecord) -> FrameFormat:
+        """The format of the next frame that is sent."""
+        if self.format.encoding != _DELTA16:
+            return self.format
+        self._unbroken = self._unbroken + 1 if record.sequence == self._last + 1 else 0
+        self._last = record.sequence
+        return replace(self.format, seen=min(self._unbroken, MOST_BEFORE, len(record.before)))
 
 
 def timestamp(seconds: float) -> Timestamp:
@@ -54,13 +73,13 @@ def session_message(session: Session) -> motion_pb2.Session:
 
 
 def response(
-    stream: FrameStream, item: Item, frame_format: FrameFormat, skeleton: skeleton_pb2.Skeleton
+    stream: FrameStream, item: Item, following: Following, skeleton: skeleton_pb2.Skeleton
 ) -> motion_pb2.AnimateResponse:
     """An item of a stream as the message that carries it; `skeleton` as the header tells it."""
     if isinstance(item, FrameRecord):
-        return frame_message(item, stream.session.floor_height, frame_format)
+        return frame_message(item, stream.session.floor_height, following.of(item))
     if isinstance(item, StreamStart):
-        return motion_pb2.AnimateResponse(header=_header_message(stream, item, frame_format, skeleton))
+        return motion_pb2.AnimateResponse(header=_header_message(stream, item, following.format, skeleton))
     return motion_pb2.AnimateResponse(event=_event_message(item))
 
 
@@ -118,12 +137,12 @@ def pack_frame(record: FrameRecord, floor_height: float, frame_format: FrameForm
     data = record.data
     root = data.root.copy()
     root[1] += floor_height
-    snorm16 = frame_format.encoding == motion_pb2.ROTATION_ENCODING_SNORM16
+    short = frame_format.encoding == _DELTA16
     frame = motion_pb2.Frame(
         sequence=record.sequence,
-        time=record.sequence / FRAME_RATE,
-        root=pack_float32(root),
-        rotations=pack_int16(data.snorm16) if snorm16 else pack_float32(data.rotations),
+        time=0.0 if short else record.sequence / FRAME_RATE,
+        root=pack_float32(root[:3] if short else root),
+        rotations=_rotations(record, frame_format),
         contacts=int(np.packbits(data.contacts, bitorder="little")[0]),
         action=ACTIONS[data.action].number,  # type: ignore[arg-type]  # an enum's number
         goal_distance=data.goal_distance,
@@ -131,6 +150,14 @@ def pack_frame(record: FrameRecord, floor_height: float, frame_format: FrameForm
     if frame_format.joint_positions:
         frame.joint_positions = pack_float32(data.positions + np.array([0, floor_height, 0], np.float32))
     return frame
+
+
+def _rotations(record: FrameRecord, frame_format: FrameFormat) -> bytes:
+    if frame_format.encoding == _DELTA16:
+        return pack_deltas(record.data.snorm16, [frame.snorm16 for frame in record.before[: frame_format.seen]])
+    if frame_format.encoding == motion_pb2.ROTATION_ENCODING_SNORM16:
+        return pack_int16(record.data.snorm16)
+    return pack_float32(record.data.rotations)
 
 
 def pose_of(message: skeleton_pb2.Pose, skeleton: Skeleton, *, field: str) -> Pose:

@@ -102,7 +102,7 @@ async def opened(
 ) -> AsyncIterator[tuple[FrameStream, Respond]]:
     """A stream for the time of the `async with` block, and what makes its items messages."""
     told = messages.known_skeleton(skeleton, opening.known_skeleton_id)
-    frames = messages.frame_format(opening)
+    frames = messages.Following(messages.frame_format(opening))
     async with application.stream(opening.session, messages.stream_options(opening)) as stream:
         yield stream, lambda item: messages.response(stream, item, frames, told)
 

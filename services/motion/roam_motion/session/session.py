@@ -6,6 +6,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
@@ -37,6 +38,7 @@ class FrameRecord:
 
     sequence: int
     data: FrameData
+    before: tuple[FrameData, ...] = ()  # the frames just before it, the latest first: two, fewer at the beginning
     packed: dict[Hashable, Any] = field(default_factory=dict)  # by format; the transports' own
 
 
@@ -329,7 +331,8 @@ class Session:
         self.sequence += 1
         while self._schedule and self._schedule[0].effective <= self.sequence:
             self._enter(self._schedule.popleft().change)
-        self.ring.append(FrameRecord(self.sequence, data))
+        before = tuple(record.data for record in islice(reversed(self.ring), 2))
+        self.ring.append(FrameRecord(self.sequence, data, before))
         if isinstance(self.intent, Goal) and self._arrival.reached(data.goal_distance):
             self._tell_reached(data.goal_distance)
         for stream in self.streams:

@@ -1,12 +1,14 @@
 """ServerService: what this server is, which models it runs and what it accepts."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fastapi import APIRouter
 from roam.v1 import server_pb2, server_pb2_grpc
 
 from roam_serving.service import Service
+
+if TYPE_CHECKING:
+    from fastapi import APIRouter
 
 
 def server_info(services: Sequence[Service], version: str) -> server_pb2.GetServerInfoResponse:
@@ -32,8 +34,10 @@ class ServerServicer(server_pb2_grpc.ServerServiceServicer):
         return server_info(self._services, self._version)
 
 
-def describe_router(services: Sequence[Service], version: str) -> APIRouter:
+def describe_router(services: Sequence[Service], version: str) -> "APIRouter":
     """GET /v1/server, the same answer as JSON."""
+    from fastapi import APIRouter  # here: gRPC alone does without it
+
     router = APIRouter(prefix="/v1", tags=["server"])
 
     @router.get("/server", summary="Version, models and limits")

@@ -5,14 +5,16 @@ anything shaped like `character.skeleton.Skeleton` and `character.body.Capsules`
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import grpc
 import numpy as np
-from fastapi import APIRouter
 from roam.v1 import skeleton_pb2, skeleton_pb2_grpc
 
 from roam_serving.errors import ErrorKind, ServiceError
+
+if TYPE_CHECKING:
+    from fastapi import APIRouter
 
 SKELETON_NOT_FOUND = ErrorKind(
     "SKELETON_NOT_FOUND",
@@ -125,8 +127,10 @@ class SkeletonServicer(skeleton_pb2_grpc.SkeletonServiceServicer):
         return skeleton_pb2.ListSkeletonsResponse(skeletons=[item.skeleton for item in self._catalogue])
 
 
-def skeletons_router(catalogue: SkeletonCatalogue) -> APIRouter:
+def skeletons_router(catalogue: SkeletonCatalogue) -> "APIRouter":
     """GET /v1/skeletons: the same answers as JSON."""
+    from fastapi import APIRouter  # here: gRPC alone does without it
+
     router = APIRouter(prefix="/v1", tags=["skeletons"])
 
     @router.get("/skeletons", summary="Skeletons the server knows, the default first")

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from roam_goalpose.objects.errors import ObjectError
-from roam_goalpose.objects.placing.size import Size
+
+if TYPE_CHECKING:
+    from roam_goalpose.objects.placing.size import Size
 
 METRES_PER: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 _ALIASES: Mapping[str, str] = {
