@@ -1,4 +1,4 @@
-"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load|soak|compare`: quality and speed on a folder of objects."""
+"""`roam evaluate field|goalpose|motion|rigs|uploads|throughput|load|soak|compare`: quality and speed."""
 
 import typer
 
