@@ -16,9 +16,9 @@ from roam_motion.actions import ACTIONS, IDLE, STYLES, action_numbered
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture, furniture_of, near
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, humanoid_figure
-from roam_motion.animation.living import WIDTH as LIFE
 from roam_motion.animation.manner import drawn
 from roam_motion.animation.rows import split_array
+from roam_motion.animation.shown.living import WIDTH as LIFE
 from roam_motion.animation.state import FUTURE, PAST, Characters, shapes_of
 from roam_motion.control.actions import transition
 from roam_motion.control.controller import INTERACT, Body, Control, control
@@ -33,7 +33,7 @@ __all__ = ["Animator", "CharacterState", "FrameData", "Goal", "Idle", "Intent", 
 _LONG = 3600.0  # [s] range in which the living idle begins
 _HELD = 0.999  # settledness from which nothing is pushed out of the furniture any more
 _SEAT_FIELDS = ("positions", "orientations", "root", "stand")
-_MARK = b"ROAM\7"
+_MARK = b"ROAM\x08"
 # Mark; mode, since, waiting, seat, numbers of the row and of the depths; plan, clock, along, pace.
 _HEAD = struct.Struct("<5s6i9d")
 _NO_SEAT = 0  # in the head, where else the number of the seat's action is
@@ -274,4 +274,5 @@ def _standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: float, 
         steps=torch.zeros(1, 2),
         manner=torch.from_numpy(manner)[None],
         gaze=torch.zeros(1, 3),
+        linger=torch.zeros(1, 3),
     )

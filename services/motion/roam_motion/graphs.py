@@ -16,12 +16,13 @@ from roam_motion.animation.advance import Proposal, cleared, propose, settle
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.collision import Furniture
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure
-from roam_motion.animation.living import WIDTH as LIFE
-from roam_motion.animation.living import Life, alive, gazed
 from roam_motion.animation.prediction import Goals, Predict, goal_shapes
 from roam_motion.animation.rows import join, row_width, split_array
+from roam_motion.animation.shown.landing import lingering
+from roam_motion.animation.shown.living import WIDTH as LIFE
+from roam_motion.animation.shown.living import Life, alive, gazed
+from roam_motion.animation.shown.swing import swinging, walking
 from roam_motion.animation.state import ROOT, STYLE, Characters, characters_width
-from roam_motion.animation.swing import swinging, walking
 from roam_motion.animation.torchscript import frozen, running
 
 _EXAMPLES = 2  # characters that the graphs are traced with; they hold for any number
@@ -59,6 +60,7 @@ class Graphs:
         def shown(numbers: Tensor, pushed: Tensor, *proposal: Tensor) -> tuple[Tensor, Tensor]:
             characters, goals, life = self._inputs(numbers)
             after, joints = settle(figure, characters, Proposal(*proposal), pushed)
+            after = replace(after, linger=lingering(after, characters.hips, goals))
             return _shown(figure, after, joints, goals.pose_positions, life)
 
         def stepped(numbers: Tensor) -> tuple[Tensor, Tensor]:
@@ -112,12 +114,13 @@ def _bodies(figure: Figure, characters: Characters) -> Tensor:
 def _shown(figure: Figure, after: Characters, joints: Tensor, goal: Tensor, life: Life) -> tuple[Tensor, Tensor]:
     """Rows of characters, whose `joints` are [B, J, 3], and of `_shown_shapes` side by side; rotations as int16."""
     after = replace(after, gaze=gazed(figure, after, joints, life))
-    orientations = swinging(figure, joints, after.orientations, walking(after), after.manner)
-    orientations = alive(figure, after, orientations, life)
-    positions = figure.positions(after.hips, orientations)
+    walks = walking(after)
+    orientations = swinging(figure, joints, after.orientations, walks, after.manner)
+    hips, orientations = alive(figure, after, orientations, life, walks)
+    positions = figure.positions(hips, orientations)
     rotations = figure.rotations(orientations)
     frame = {
-        "root": torch.cat([after.hips, rotations[:, 0]], 1),
+        "root": torch.cat([hips, rotations[:, 0]], 1),
         "rotations": rotations,
         "positions": positions,
         "contacts": (after.lock_weights >= 1).float(),

@@ -8,8 +8,8 @@ import torch
 from roam_character.pose import Pose
 from roam_character.rotation import quat_from_rotvec, quat_to_matrix
 from roam_motion.animation.figure import humanoid_figure
-from roam_motion.animation.living import WIDTH, Life, alive, gazed
 from roam_motion.animation.manner import NAMES as MANNERS
+from roam_motion.animation.shown.living import WIDTH, Life, alive, gazed
 from roam_motion.animation.state import Characters, characters_width
 from standing import seated_pose
 
@@ -48,8 +48,8 @@ def minute(settled=1.0, hands=1.0, back=1.0, manner=None):
     life = torch.zeros(FRAMES, WIDTH)
     life[:, 0] = 1234 + torch.arange(FRAMES) / 30
     life[:, 1:4] = torch.tensor([hands, hands, back])
-    moved = alive(FIGURE, characters, orientations, Life.of(life))
-    return FIGURE.positions(characters.hips, moved).numpy()
+    hips, moved = alive(FIGURE, characters, orientations, Life.of(life), torch.zeros(len(orientations)))
+    return FIGURE.positions(hips, moved).numpy()
 
 
 @pytest.mark.parametrize("rests", [1.0, 0.0])
@@ -57,15 +57,17 @@ def test_a_held_pose_lives_and_stays_within_a_centimetre_or_so(rests):
     positions = minute(hands=rests, back=rests)
     away = np.linalg.norm(positions - POSE.positions(), axis=-1).mean(-1)
     assert 0.002 < away.mean() < 0.011
-    assert away.max() < 0.02
+    assert away.max() < 0.03
     assert np.ptp(positions[:, NAMES.index("head")], axis=0).max() > 0.02
-    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.006
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.016  # a hand at half a metre a second
 
 
-def test_feet_and_hips_do_not_move_and_hands_that_rest_on_furniture_stay():
+def test_feet_stay_hips_hardly_move_and_hands_that_rest_on_furniture_stay():
     positions = minute()
-    lower = [i for i, name in enumerate(NAMES) if "Leg" in name or "Foot" in name or "Toes" in name or name == "hips"]
-    np.testing.assert_array_equal(np.ptp(positions[:, lower], axis=0), 0)
+    feet = [i for i, name in enumerate(NAMES) if "Foot" in name or "Toes" in name]
+    assert np.ptp(positions[:, feet], axis=0).max() < 1e-4
+    hips = positions[:, NAMES.index("hips")] - POSE.positions()[NAMES.index("hips")]
+    assert 0.001 < np.linalg.norm(hips, axis=-1).max() < 0.006
     assert np.ptp(positions[:, HANDS], axis=0).max() < 0.004
     assert np.ptp(minute(hands=0.0)[:, HANDS], axis=0).max() > 0.02
 
@@ -106,18 +108,14 @@ def test_the_head_turns_to_what_is_looked_at_and_back():
     assert abs(turned[-1]) < 0.03
     characters.gaze = torch.tensor([[0.9, 0.0, 1.0]])
     head = NAMES.index("head")
-    moved = alive(FIGURE, characters, orientations, Life.of(torch.zeros(1, WIDTH)))
+    _, moved = alive(FIGURE, characters, orientations, Life.of(torch.zeros(1, WIDTH)), torch.zeros(1))
     ahead = moved[0, head, :, 2] @ orientations[0, head, :, 2]
     assert float(ahead) == pytest.approx(np.cos(0.9), abs=0.1)
 
 
 def test_rotations_stay_rotations():
     characters, orientations = sitting(frames=2)
-    moved = alive(
-        FIGURE,
-        characters,
-        orientations,
-        Life.of(torch.randn(2, WIDTH, generator=torch.Generator().manual_seed(0)).abs()),
-    )
+    told = Life.of(torch.randn(2, WIDTH, generator=torch.Generator().manual_seed(0)).abs())
+    _, moved = alive(FIGURE, characters, orientations, told, torch.ones(2))
     assert torch.linalg.det(moved).numpy() == pytest.approx(1.0, abs=1e-5)
     torch.testing.assert_close(moved @ moved.mT, torch.eye(3).expand(2, 22, 3, 3).contiguous(), atol=1e-5, rtol=0)

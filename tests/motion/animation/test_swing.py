@@ -2,8 +2,8 @@
 
 import torch
 from roam_motion.animation.manner import NAMES
+from roam_motion.animation.shown.swing import swinging, walking
 from roam_motion.animation.state import Characters
-from roam_motion.animation.swing import swinging, walking
 from standing import random_animator
 
 MEAN = torch.zeros(1, len(NAMES))

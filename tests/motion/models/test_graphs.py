@@ -5,11 +5,12 @@ import pytest
 import torch
 from roam_motion.animation.advance import advance
 from roam_motion.animation.blending import WHOLE
-from roam_motion.animation.living import WIDTH, Life, alive, gazed
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.rows import join, split_array, split_tensor
+from roam_motion.animation.shown.landing import lingering
+from roam_motion.animation.shown.living import WIDTH, Life, alive, gazed
+from roam_motion.animation.shown.swing import swinging, walking
 from roam_motion.animation.state import Characters, characters_width
-from roam_motion.animation.swing import swinging, walking
 from roam_motion.animator import Goal
 from roam_motion.control.actions import seat_of
 from roam_motion.control.controller import GoalRows
@@ -41,10 +42,12 @@ def test_graphs_do_what_the_step_of_training_does(count):
         )
         told = Life.of(torch.from_numpy(life))
         after.gaze = gazed(figure, after, joints, told)
-        orientations = swinging(figure, joints, after.orientations, walking(after), after.manner)
-        orientations = alive(figure, after, orientations, told)
+        walks = walking(after)
+        orientations = swinging(figure, joints, after.orientations, walks, after.manner)
+        after.linger = lingering(after, characters.hips, Goals.of(torch.from_numpy(goals.rows), figure.joint_count))
+        hips, orientations = alive(figure, after, orientations, told, walks)
     np.testing.assert_allclose(shown.rows, after.rows(), atol=2e-4)
-    np.testing.assert_allclose(shown.positions, figure.positions(after.hips, orientations), atol=1e-5)
+    np.testing.assert_allclose(shown.positions, figure.positions(hips, orientations), atol=1e-5)
     np.testing.assert_allclose(shown.snorm16 / 32767, shown.rotations, atol=2e-5)
 
 

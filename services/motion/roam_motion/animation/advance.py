@@ -156,6 +156,7 @@ def settle(figure: Figure, characters: Characters, proposal: Proposal, pushed: T
         steps=proposal.progress,
         manner=characters.manner,
         gaze=characters.gaze,
+        linger=characters.linger,
     )
     return moved, after
 

@@ -8,17 +8,17 @@ said where it is used.
 import numpy as np
 from torch import Tensor
 
-NAMES = ("pace", "poise", "arms", "stance", "toes", "unrest", "breath")
+NAMES = ("pace", "poise", "arms", "stance", "toes", "unrest", "breath", "hips", "height")
 _FARTHEST = 1.645
 _STREAM = 0x6D616E  # numbers of its own for every seed: those of stance and phase stay as they are
 
 
 def drawn(seed: int) -> np.ndarray:
-    """The manner of a seed [7], float32."""
+    """The manner of a seed [9], float32."""
     numbers = np.random.default_rng([_STREAM, seed]).standard_normal(len(NAMES))
     return np.clip(numbers, -_FARTHEST, _FARTHEST).astype(np.float32)
 
 
 def of(manner: Tensor, name: str) -> Tensor:
-    """One deviate [B] of a batch of manners [B, 7]."""
+    """One deviate [B] of a batch of manners [B, 9]."""
     return manner[:, NAMES.index(name)]

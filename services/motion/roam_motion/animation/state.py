@@ -48,8 +48,9 @@ class Characters:
     blend: Tensor  # [B] the bidirectional weight in use, 0..1
     standing: Tensor  # [B] 0 going .. 1 standing, where feet step by rule (see stepping.py)
     steps: Tensor  # [B, 2] share of its step by rule that a foot has behind it, 0 on the ground
-    manner: Tensor  # [B, 7] who it is (see manner.py); never changes
+    manner: Tensor  # [B, 9] who it is (see manner.py); never changes
     gaze: Tensor  # [B, 3] yaw and pitch of the head against the body [rad], and how much a look is being held, 0..1
+    linger: Tensor  # [B, 3] from its hips to those that are shown, who settle on a seat more slowly [m]
 
     @staticmethod
     def of(rows: Tensor) -> "Characters":
@@ -79,6 +80,7 @@ def _shapes(joints: int) -> dict[str, tuple[int, ...]]:
         "steps": (2,),
         "manner": (len(NAMES),),
         "gaze": (3,),
+        "linger": (3,),
     }
 
 

@@ -95,6 +95,7 @@ class Dataset:
             steps=torch.zeros(batch, 2),
             manner=torch.zeros(batch, len(NAMES)),
             gaze=torch.zeros(batch, 3),
+            linger=torch.zeros(batch, 3),
         )
 
     def _stands(self, at: Tensor) -> Tensor:

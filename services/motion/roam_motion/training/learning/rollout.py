@@ -128,6 +128,7 @@ def standing(figure: Figure, hips: Tensor, orientations: Tensor, phase: Tensor) 
         steps=torch.zeros(count, 2),
         manner=torch.zeros(count, len(NAMES)),
         gaze=torch.zeros(count, 3),
+        linger=torch.zeros(count, 3),
     )
 
 

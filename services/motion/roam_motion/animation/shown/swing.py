@@ -18,7 +18,7 @@ from roam_motion.animation.state import Characters, strolling
 # Measured on steady walking at 0.7 to 1.0 m/s, clips of the training set beside the network: deviations of 7.5 to 5.5
 # degrees of the arm, of 4.3 to 3.6 degrees of the shoulders' turn against the hips.
 # The second number is what a deviate of `arms` adds, chosen by hand within the range of captured arm swings.
-_ARM, _TRUNK = (0.1, 0.25), (0.2, 0.2)  # shares of the swing that are added
+_ARM, _TRUNK = (0.1, 0.35), (0.2, 0.2)  # shares of the swing that are added
 # Walking people carry elbows bent by 38 to 62 degrees and upper arms up to 15 degrees behind hanging; the network has
 # elbows at 22 to 27, upper arms 9 to 11 in front (`roam evaluate motion --people`).
 _BACK, _BENT = 0.22, 0.40  # [rad] upper arms back, elbows bent farther
@@ -45,7 +45,7 @@ def _joints(figure: Figure) -> tuple[Tensor, Tensor, Tensor]:
 def swinging(figure: Figure, positions: Tensor, orientations: Tensor, share: Tensor, manner: Tensor) -> Tensor:
     """World orientations [B, J, 3, 3] with arms that swing a `share` [B] of what is missing farther.
 
-    `positions` [B, J, 3] are the joints of the body as the step made it [m], `manner` [B, 7] who it is.
+    `positions` [B, J, 3] are the joints of the body as the step made it [m], `manner` [B, 9] who it is.
     """
     turned, arms, thighs = _joints(figure)
     root = figure.frame(positions)
