@@ -12,7 +12,7 @@ from math import cos, sin
 from pathlib import Path
 
 from roam_client import Client, Motion, Placement, RoamError
-from roam_client.objects import FORMATS
+from roam_client.types.objects import FORMATS
 
 
 def bake(client: Client, path: Path) -> Motion:

@@ -3,6 +3,7 @@
 import ast
 import re
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 LONGEST_FILE = 500
 LONGEST_FUNCTION = 80
+MOST_MODULES = 15
+# Folders that hold one registry: as many modules as there are rows.
+REGISTRIES = {
+    "services/goalpose/roam_goalpose/energy/terms",
+    "services/goalpose/roam_goalpose/furniture",
+    "services/goalpose/roam_goalpose/objects/readers",
+    "services/character/roam_character/formats",
+}
 VAGUE_NAMES = {"utils", "util", "helpers", "misc", "common"}
 # Written in two halves so that this file keeps its own rule.
 MACHINE_PATHS = re.compile("|".join("/" + name for name in ("work/", "root/", "tmp/[a-z]", "home/[a-z]")))
@@ -52,6 +61,11 @@ def test_functions_stay_readable() -> None:
 
 def test_modules_are_named_after_what_they_hold() -> None:
     assert [name_of(p) for p in python_files() if p.stem in VAGUE_NAMES] == []
+
+
+def test_folders_are_taken_in_at_a_glance() -> None:
+    packages = Counter(name_of(p.parent) for p in python_files() if p.name != "__init__.py")
+    assert {folder: n for folder, n in packages.items() if n > MOST_MODULES and folder not in REGISTRIES} == {}
 
 
 def test_every_package_says_what_it_is_for() -> None:

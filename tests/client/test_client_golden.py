@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from roam.v1 import goal_pose_pb2, motion_pb2
 from roam_client import Action, Event, EventType, Frame, GoalPose, Header, Object, Progress
-from roam_client.skeleton import Skeleton
-from roam_client.stream_state import ControlCounter, StreamState
+from roam_client.streams.stream_state import ControlCounter, StreamState
+from roam_client.types.skeleton import Skeleton
 
 FOLDER = Path(__file__).parents[2] / "proto" / "golden"
 

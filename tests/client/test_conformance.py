@@ -40,7 +40,8 @@ def test_a_client_that_forgets_something_does_not(session: str, tmp_path: Path):
     driver.write_text(
         f"import sys; sys.path.insert(0, {str(FOLDER)!r})\n"
         "from roam.v1 import motion_pb2\n"
-        "from roam_client import base_stream, stream_state, transport\n"
+        "from roam_client.connection import transport\n"
+        "from roam_client.streams import base_stream, stream_state\n"
         f"{FORGETFUL[session]}\n"
         "import python_driver\n"
         "sys.exit(python_driver.main())\n"

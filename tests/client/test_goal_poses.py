@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fake_services import Fake
 from roam_client import Action, AsyncClient, Client, FormatError, InvalidRequestError, Pose, PoseWishes, Progress
-from roam_client.goal_poses import synthesize_request
+from roam_client.types.goal_poses import synthesize_request
 
 
 def test_an_upload_is_cut_into_messages_of_a_mebibyte(client: Client, fake: Fake, tmp_path):

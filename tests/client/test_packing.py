@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from roam.v1 import motion_pb2
 from roam_client import WireError
-from roam_client.packing import pack_floats, pack_rotations, unpack_bits, unpack_floats, unpack_rotations
+from roam_client.connection.packing import pack_floats, pack_rotations, unpack_bits, unpack_floats, unpack_rotations
 
 SNORM16 = motion_pb2.ROTATION_ENCODING_SNORM16
 

@@ -9,7 +9,7 @@ import pytest
 from roam_character.body import body_capsules
 from roam_character.kinematics import forward_kinematics
 from roam_character.skeleton import humanoid_skeleton
-from roam_serving.skeletons import skeleton_message
+from roam_serving.endpoints.skeletons import skeleton_message
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "client"))
 

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 import trimesh
 from roam.v1 import goal_pose_pb2
-from roam_client.files import save_arrays
-from roam_command import batch as command
-from roam_command import batch_engines, batch_ledger
-from roam_command.batch_engines import local
-from roam_command.batch_ledger import Ending, Ledger
-from roam_command.batch_work import Order, Outcome, digest_of
+from roam_client.types.files import save_arrays
+from roam_command.commands.batch import command
+from roam_command.commands.batch import engines as batch_engines
+from roam_command.commands.batch import ledger as batch_ledger
+from roam_command.commands.batch.engines import local
+from roam_command.commands.batch.ledger import Ending, Ledger
+from roam_command.commands.batch.work import Order, Outcome, digest_of
 from roam_command.main import app
 from typer.testing import CliRunner
 
@@ -206,7 +207,7 @@ def test_ray_gives_what_the_local_engine_gives(shelf: Path, tmp_path: Path):
 import sys
 from pathlib import Path
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from roam_command.batch_engines import local, ray_cluster
+from roam_command.commands.batch.engines import local, ray_cluster
 from test_batch import ORDER
 if __name__ == "__main__":
     sources = [Path({str(shelf)!r}) / name for name in ("chairs/broken.glb", "flat.stl")]

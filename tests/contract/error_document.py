@@ -4,8 +4,8 @@ from pathlib import Path
 
 from roam_goalpose.errors import GOALPOSE_ERRORS
 from roam_motion.errors import MOTION_ERRORS
+from roam_serving.endpoints.skeletons import SKELETON_NOT_FOUND
 from roam_serving.errors import COMMON, table_markdown
-from roam_serving.skeletons import SKELETON_NOT_FOUND
 
 PATH = Path(__file__).parents[2] / "docs" / "reference" / "errors.md"
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 from roam.v1 import skeleton_pb2
-from roam_client.actions import Action
-from roam_command.options import ActionName
+from roam_client.types.actions import Action
+from roam_command.options.shared import ActionName
 from roam_motion.actions import ACTIONS, CARRIED, STYLES
 from roam_motion.animation.figure import CONTACT_JOINTS
 from roam_motion.control.actions import GOAL_ACTIONS
@@ -46,7 +46,9 @@ def test_every_action_has_a_style():
     assert set(CARRIED) < set(STYLES)
 
 
-@pytest.mark.parametrize("text", ["roam_client/frames.py", "roam_client/motions.py", "roam_command/viewer/panel.js"])
+@pytest.mark.parametrize(
+    "text", ["roam_client/types/frames.py", "roam_client/types/motions.py", "roam_command/viewer/panel.js"]
+)
 def test_contacts_are_told_in_the_tables_order(text):
     found = re.findall(r"left\w+, left\w+, right\w+, right\w+", (CLIENTS / text).read_text())
     assert found

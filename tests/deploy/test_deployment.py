@@ -15,7 +15,7 @@ from roam_goalpose.settings import GoalPoseSettings
 from roam_motion.session.stream import StreamMetrics
 from roam_motion.session.ticker import TickerMetrics
 from roam_motion.settings import MotionSettings
-from roam_serving.metrics import Metrics
+from roam_serving.monitoring.metrics import Metrics
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"

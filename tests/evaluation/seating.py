@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from roam_evaluation.goalpose.objects import EvaluationObject
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject
 from roam_evaluation.goalpose.runs import Run
 from roam_goalpose.references.pairs import load_reference
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from roam_character.distance import turn_about_y
-from roam_evaluation.goalpose.cases import (
+from roam_evaluation.goalpose.inputs.cases import (
     cloud_case,
     faced_case,
     plain_case,

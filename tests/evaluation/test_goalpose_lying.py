@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject
 from roam_evaluation.goalpose.lie import summarise
 from roam_evaluation.goalpose.lying import LyingRun, judge_lying, lying_run_from, support_gaps
-from roam_evaluation.goalpose.objects import EvaluationObject
 from roam_goalpose.objects import load_shape
 from roam_goalpose.references.pairs import ReferencePair, load_reference
 from roam_goalpose.synthesis import GoalPoseResult

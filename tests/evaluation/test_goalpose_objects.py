@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from roam_evaluation.goalpose.objects import EvaluationObject, find_objects, generated_objects, spread
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, find_objects, generated_objects, spread
 
 OBJECTS = Path(__file__).parents[2] / "examples" / "objects"
 

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from roam_evaluation.goalpose.cases import plain_case, scaled_case, turned_case
+from roam_evaluation.goalpose.inputs.cases import plain_case, scaled_case, turned_case
 from roam_evaluation.goalpose.runs import hip_height_of, judge, run_from
 from roam_goalpose.synthesis import GoalPoseResult
 from seating import CHAIR, run, sitter

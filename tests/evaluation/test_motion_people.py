@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from roam_evaluation.motion.people import sitting, turning, walking
 from roam_evaluation.motion.people.frames import ANKLES, THIGHS, Motion
-from roam_evaluation.motion.people.posture import bends, centre_of_mass, lean, twist
+from roam_evaluation.motion.people.measures import sitting, turning, walking
+from roam_evaluation.motion.people.measures.posture import bends, centre_of_mass, lean, twist
 from roam_evaluation.motion.people.registry import measures
 from roam_evaluation.motion.people.storage import read_motions, write_motions
 from roam_evaluation.motion.people.verdict import Spread, outside

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from roam_evaluation.motion.people import blind, feet, lying, running, standing, variety
+from roam_evaluation.motion.people import blind
 from roam_evaluation.motion.people.activities import ACTIVITIES
 from roam_evaluation.motion.people.frames import ANKLES, RATE, THIGHS, TOES, Motion, Stretch
+from roam_evaluation.motion.people.measures import feet, lying, running, standing, variety
 from roam_evaluation.motion.people.registry import measures
 from roam_evaluation.motion.people.report import table
 from roam_evaluation.motion.people.targets import targets

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from roam_evaluation.goalpose.solid_boxes import solid_boxes
+from roam_evaluation.goalpose.simulation.solid_boxes import solid_boxes
 from seating import sitter
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'roam-services[evaluation]'")
 
 import mujoco
-from roam_evaluation.goalpose.simulation import drift, settled
+from roam_evaluation.goalpose.simulation.world import drift, settled
 
 # A hinge that is driven instead of damped.
 EXPLOSIVE = """<mujoco><option timestep="0.004"/><worldbody><body pos="0 0 1"><freejoint/><geom size="0.1" mass="1"/>

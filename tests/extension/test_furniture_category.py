@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from roam_evaluation.goalpose.objects import EvaluationObject
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject
 from roam_goalpose.furniture import TABLE, Category, Furniture, generate
 from roam_goalpose.furniture.solids import Box, vector
 from roam_goalpose.training.store import procedural_examples

@@ -10,7 +10,7 @@ import psutil
 import pytest
 from replicas import addresses, assert_same, ended_with_the_block, start_motion, unbroken, walking
 from roam_client import Client, Frame, Placement, RoamError
-from roam_client.controls import steer
+from roam_client.sessions.controls import steer
 from roam_motion.app import SHIPPED_WEIGHTS
 
 PLACE = (0.5, -1.0, 0.75)  # numbers that float32 holds

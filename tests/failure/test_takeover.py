@@ -3,7 +3,7 @@
 import pytest
 from replicas import anyone, assert_same, unbroken, walking
 from roam_client import AsyncClient, Client, EventType, Frame, NotFoundError, Placement
-from roam_client.controls import steer
+from roam_client.sessions.controls import steer
 
 PLACE = (0.5, -1.0, 0.75)  # numbers that float32 holds
 COUNT = 120

@@ -5,7 +5,7 @@ from roam_character.clip import Clip
 from roam_character.pose import rest_pose
 from roam_character.rotation import quat_from_rotvec, quat_mul
 from roam_character.skeleton import humanoid_skeleton
-from roam_motion.training.goals import Key, ankles, with_feet
+from roam_motion.training.data.goals import Key, ankles, with_feet
 
 STAND, SEAT = np.array([0.0, 0.955, 0.03]), np.array([0.0, 0.57, -0.24])  # hips [m]
 

@@ -5,7 +5,7 @@ import asyncio
 import grpc
 from fastapi import APIRouter, Request, WebSocket
 from pydantic import BaseModel
-from roam_serving.closings import closing
+from roam_serving.error_replies.closings import closing
 from roam_serving.errors import COMMON, ServiceError, by_reason
 
 KINDS = by_reason(COMMON)

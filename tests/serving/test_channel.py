@@ -7,7 +7,7 @@ import grpc
 import pytest
 from echo import Echo
 from grpc._cython import cygrpc
-from roam_serving.channel import SERVER_OPTIONS
+from roam_serving.rpc.channel import SERVER_OPTIONS
 from roam_serving.server import running
 from roam_serving.settings import ServerSettings
 

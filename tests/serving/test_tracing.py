@@ -10,9 +10,9 @@ import httpx
 import pytest
 from echo import Echo
 from roam.v1 import server_pb2, server_pb2_grpc
+from roam_serving.monitoring.tracing import Tracing
 from roam_serving.server import running
 from roam_serving.settings import ServerSettings, SettingsError
-from roam_serving.tracing import Tracing
 
 TRACE = "0af7651916cd43dd8448eb211c80319c"
 PARENT = f"00-{TRACE}-b7ad6b7169203331-01"

@@ -10,10 +10,7 @@
 `AsyncClient` has the same methods as coroutines.
 """
 
-from roam_client.actions import Action
 from roam_client.async_client import AsyncClient
-from roam_client.async_session import AsyncSession
-from roam_client.async_stream import AsyncStream
 from roam_client.errors import (
     AccessDeniedError,
     ConflictError,
@@ -29,18 +26,22 @@ from roam_client.errors import (
     UnavailableError,
     WireError,
 )
-from roam_client.frames import Event, EventType, Frame, Header
-from roam_client.goal_poses import GoalPose, Pose, Progress, ReferencePose
-from roam_client.motions import Motion
-from roam_client.objects import Object, Warning
-from roam_client.pose_quality import BonePenetration, PoseQuality
-from roam_client.pose_wishes import PoseWishes
-from roam_client.server_info import ServerInfo
-from roam_client.sessions import Placement
-from roam_client.skeleton import Capsule, Skeleton, Tip
+from roam_client.sessions import controls
+from roam_client.sessions.async_session import AsyncSession
+from roam_client.sessions.placement import Placement
+from roam_client.sessions.sync_session import Session
+from roam_client.streams.async_stream import AsyncStream
+from roam_client.streams.sync_stream import Stream
 from roam_client.sync_client import Client
-from roam_client.sync_session import Session
-from roam_client.sync_stream import Stream
+from roam_client.types.actions import Action
+from roam_client.types.frames import Event, EventType, Frame, Header
+from roam_client.types.goal_poses import GoalPose, Pose, Progress, ReferencePose
+from roam_client.types.motions import Motion
+from roam_client.types.objects import Object, Warning
+from roam_client.types.pose_quality import BonePenetration, PoseQuality
+from roam_client.types.pose_wishes import PoseWishes
+from roam_client.types.server_info import ServerInfo
+from roam_client.types.skeleton import Capsule, Skeleton, Tip
 from roam_client.version import __version__
 
 __all__ = [
@@ -84,4 +85,5 @@ __all__ = [
     "Warning",
     "WireError",
     "__version__",
+    "controls",
 ]

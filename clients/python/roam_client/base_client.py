@@ -17,10 +17,12 @@ from roam.v1 import (
     skeleton_pb2_grpc,
 )
 
-from roam_client.actions import Action
-from roam_client.calls import GOALPOSE, MOTION, Attempts, Call, Plan
+from roam_client.connection.calls import GOALPOSE, MOTION, Attempts, Call, Plan
+from roam_client.connection.security import MetadataChannel, OpensChannels, Security
+from roam_client.connection.transport import CHANNEL_OPTIONS, required
 from roam_client.errors import InternalServerError, NotFoundError
-from roam_client.goal_poses import (
+from roam_client.types.actions import Action
+from roam_client.types.goal_poses import (
     GoalPose,
     Pose,
     Progress,
@@ -28,11 +30,9 @@ from roam_client.goal_poses import (
     create_reference_request,
     synthesize_request,
 )
-from roam_client.objects import Object, format_of, upload_requests
-from roam_client.security import MetadataChannel, OpensChannels, Security
-from roam_client.server_info import ServerInfo
-from roam_client.skeleton import Skeleton, capsules_from_messages
-from roam_client.transport import CHANNEL_OPTIONS, required
+from roam_client.types.objects import Object, format_of, upload_requests
+from roam_client.types.server_info import ServerInfo
+from roam_client.types.skeleton import Skeleton, capsules_from_messages
 
 OnProgress = Callable[[Progress], None]
 

@@ -7,17 +7,17 @@ from typing import Any, Self
 
 import grpc
 
-from roam_client.actions import Action
 from roam_client.base_client import BaseClient, OnProgress
-from roam_client.calls import Answer, Call, Plan, is_silence
+from roam_client.connection.calls import Answer, Call, Plan, is_silence
 from roam_client.errors import RoamError
-from roam_client.goal_poses import GoalPose, Pose, ReferencePose
-from roam_client.objects import Object
-from roam_client.pose_wishes import PoseWishes
-from roam_client.server_info import ServerInfo
-from roam_client.sessions import Placement, session_request
-from roam_client.skeleton import Skeleton
-from roam_client.sync_session import Session
+from roam_client.sessions.placement import Placement, session_request
+from roam_client.sessions.sync_session import Session
+from roam_client.types.actions import Action
+from roam_client.types.goal_poses import GoalPose, Pose, ReferencePose
+from roam_client.types.objects import Object
+from roam_client.types.pose_wishes import PoseWishes
+from roam_client.types.server_info import ServerInfo
+from roam_client.types.skeleton import Skeleton
 
 
 class Client(BaseClient):

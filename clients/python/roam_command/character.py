@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 from roam_client import GoalPose, Motion
-from roam_client.skeleton import Skeleton, Tip
+from roam_client.types.skeleton import Skeleton, Tip
 
 from roam_command.reports import UsageError, stderr
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from roam_client import GoalPose, Motion, Object
-from roam_client.objects import format_of
+from roam_client.types.objects import format_of
 
 from roam_command.character import Character, own_skeleton
 from roam_command.installation import INSTALL

@@ -5,12 +5,12 @@ from typing import Annotated
 import typer
 from roam_client.version import __version__
 
-from roam_command import evaluate, train
-from roam_command.batch import batch
-from roam_command.demo import demo
-from roam_command.pose import pose
-from roam_command.serve import serve
-from roam_command.sit import sit
+from roam_command.commands import evaluate, train
+from roam_command.commands.batch.command import batch
+from roam_command.commands.demo import demo
+from roam_command.commands.pose import pose
+from roam_command.commands.serve import serve
+from roam_command.commands.sit import sit
 
 app = typer.Typer(
     name="roam",

@@ -11,9 +11,9 @@ import numpy as np
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from roam.v1 import skeleton_pb2
-from roam_client.objects import format_of
-from roam_serving.metrics import Metrics
-from roam_serving.readiness import Readiness
+from roam_client.types.objects import format_of
+from roam_serving.monitoring.metrics import Metrics
+from roam_serving.monitoring.readiness import Readiness
 from starlette.staticfiles import StaticFiles
 
 from roam_command.installation import bundled_objects

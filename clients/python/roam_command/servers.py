@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from roam_client import Client
 
-from roam_command.options import ServerChoice
+from roam_command.options.shared import ServerChoice
 from roam_command.reports import UsageError, stderr
 
 

@@ -20,9 +20,9 @@ from roam_goalpose.references.pairs import ReferencePair
 from roam_goalpose.solvers.staged import SolverConfig
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer
 
-from roam_evaluation.goalpose.cases import plain_case
-from roam_evaluation.goalpose.objects import EvaluationObject, add_object_options, chosen_objects
-from roam_evaluation.goalpose.plots import plot_penetration
+from roam_evaluation.goalpose.figures.plots import plot_penetration
+from roam_evaluation.goalpose.inputs.cases import plain_case
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import run_case
 from roam_evaluation.goalpose.scores import summarise_variants
 from roam_evaluation.shared.ledger import Ledger, Record

@@ -22,9 +22,9 @@ from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer
 from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
-from roam_evaluation.goalpose.cases import plain_case
-from roam_evaluation.goalpose.objects import EvaluationObject, add_object_options, chosen_objects
-from roam_evaluation.goalpose.plots import plot_distances
+from roam_evaluation.goalpose.figures.plots import plot_distances
+from roam_evaluation.goalpose.inputs.cases import plain_case
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import run_case
 from roam_evaluation.goalpose.scores import summarise
 from roam_evaluation.shared.ledger import Ledger, Record

@@ -19,10 +19,10 @@ from typing import Any
 from roam_goalpose.objects import load_shape
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer
 
+from roam_evaluation.goalpose.figures.sheet import write_sheets
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.lying import ALONG, GAP, OFF_SEAT, LyingRun, judge_lying, lying_run_from
-from roam_evaluation.goalpose.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.scores import share, spread_of
-from roam_evaluation.goalpose.sheet import write_sheets
 from roam_evaluation.shared.ledger import Ledger, Record
 from roam_evaluation.shared.study import run_study, shipped
 

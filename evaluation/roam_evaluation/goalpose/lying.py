@@ -13,7 +13,7 @@ from roam_goalpose.energy.body import body_points
 from roam_goalpose.objects import Shape
 from roam_goalpose.synthesis import GoalPoseResult
 
-from roam_evaluation.goalpose.objects import EvaluationObject
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject
 from roam_evaluation.goalpose.runs import bone_depths, figure_of_pose, rounded
 
 Array = npt.NDArray[np.floating]

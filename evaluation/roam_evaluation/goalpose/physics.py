@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from roam_goalpose.objects import load_shape
 
-from roam_evaluation.goalpose.objects import EvaluationObject, add_object_options, chosen_objects
-from roam_evaluation.goalpose.plots import plot_drift
+from roam_evaluation.goalpose.figures.plots import plot_drift
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import Run, run_from
 from roam_evaluation.goalpose.scores import SEAT_KINDS, area
-from roam_evaluation.goalpose.simulation import MASS, RATE, SAG, drift
+from roam_evaluation.goalpose.simulation.world import MASS, RATE, SAG, drift
 from roam_evaluation.shared.ledger import Ledger, Record
 
 THRESHOLDS = tuple(round(0.01 * k, 2) for k in range(31))  # [m]

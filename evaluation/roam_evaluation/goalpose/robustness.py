@@ -18,7 +18,8 @@ from pathlib import Path
 from roam_goalpose.objects import ObjectError
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer
 
-from roam_evaluation.goalpose.cases import (
+from roam_evaluation.goalpose.figures.plots import plot_bars
+from roam_evaluation.goalpose.inputs.cases import (
     Case,
     cloud_case,
     faced_case,
@@ -29,8 +30,7 @@ from roam_evaluation.goalpose.cases import (
     tumbled_case,
     turned_case,
 )
-from roam_evaluation.goalpose.objects import EvaluationObject, add_object_options, chosen_objects
-from roam_evaluation.goalpose.plots import plot_bars
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import Run, run_case
 from roam_evaluation.goalpose.scores import summarise_variants
 from roam_evaluation.shared.ledger import Ledger, Record

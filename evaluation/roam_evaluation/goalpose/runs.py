@@ -19,8 +19,8 @@ from roam_goalpose.references.model import height_above_surface
 from roam_goalpose.references.pairs import ReferencePair
 from roam_goalpose.synthesis import GoalPoseRequest, GoalPoseResult, Synthesizer
 
-from roam_evaluation.goalpose.cases import Case
-from roam_evaluation.goalpose.objects import ONE_SEAT
+from roam_evaluation.goalpose.inputs.cases import Case
+from roam_evaluation.goalpose.inputs.objects import ONE_SEAT
 
 HIP, HEADING = 0.08, math.radians(20)  # docs/concepts/success.md
 STRICT_HIP, STRICT_HEADING, STRICT_DEPTH, STRICT_FLOOR = 0.05, math.radians(15), 0.03, 0.03  # docs/concepts/success.md

@@ -21,8 +21,8 @@ from roam_goalpose.energy.terms import published_weights
 from roam_goalpose.objects import Shape
 from roam_goalpose.synthesis import ENCODER_POINTS, GoalPoseRequest, Synthesizer
 
-from roam_evaluation.goalpose.cases import plain_case
-from roam_evaluation.goalpose.objects import EvaluationObject, add_object_options, chosen_objects
+from roam_evaluation.goalpose.inputs.cases import plain_case
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import Run, figure_of_pose, run_case, runs_from
 from roam_evaluation.goalpose.scores import figures
 from roam_evaluation.shared.ledger import Ledger, Record

@@ -24,11 +24,11 @@ from roam_goalpose.energy.weights import EnergyWeights
 from roam_goalpose.solvers.staged import SolverConfig
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
 
-from roam_evaluation.goalpose.cases import plain_case, turned_case
-from roam_evaluation.goalpose.objects import EvaluationObject, add_object_options, chosen_objects
+from roam_evaluation.goalpose.figures.sheet import write_sheets
+from roam_evaluation.goalpose.inputs.cases import plain_case, turned_case
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import run_case
 from roam_evaluation.goalpose.scores import summarise
-from roam_evaluation.goalpose.sheet import write_sheets
 from roam_evaluation.shared.ledger import Ledger, Record
 from roam_evaluation.shared.study import run_study
 

@@ -22,15 +22,15 @@ from roam_motion.animation.figure import Figure, humanoid_figure
 from roam_motion.animator import Animator
 from roam_motion.models.lnsm.config import WHOLE, Parts
 from roam_motion.models.lnsm.predict import LnsmModel
-from roam_motion.training.dataset import Dataset
-from roam_motion.training.library import load_library
-from roam_motion.training.loop import Learner, TrainingConfig, make_learner, train
+from roam_motion.training.data.dataset import Dataset
+from roam_motion.training.data.library import load_library
+from roam_motion.training.learning.loop import Learner, TrainingConfig, make_learner, train
+from roam_motion.training.learning.validation import rollout_scores, starts
+from roam_motion.training.learning.weights import start_poses
 from roam_motion.training.motion import add_data_options, library_of
-from roam_motion.training.validation import rollout_scores, starts
-from roam_motion.training.weights import start_poses
 from torch import Tensor
 
-from roam_evaluation.goalpose.objects import find_objects
+from roam_evaluation.goalpose.inputs.objects import find_objects
 from roam_evaluation.motion.goals import SeatGoal, make_goals
 from roam_evaluation.motion.runs import REACHED, draw_starts, judge, run
 from roam_evaluation.shared.ledger import Ledger, Record

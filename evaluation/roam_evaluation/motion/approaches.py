@@ -26,7 +26,7 @@ from roam_motion.animation.figure import Figure, humanoid_figure
 from roam_motion.animator import Animator, Steer
 from roam_serving.shipped import WEIGHTS
 
-from roam_evaluation.goalpose.objects import find_objects
+from roam_evaluation.goalpose.inputs.objects import find_objects
 from roam_evaluation.motion import gait as motion_gait
 from roam_evaluation.motion.clips import features_of, read_tracks
 from roam_evaluation.motion.goals import SeatGoal, make_goals

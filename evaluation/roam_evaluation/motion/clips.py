@@ -14,9 +14,9 @@ import numpy as np
 import torch
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, humanoid_figure
 from roam_motion.animation.state import FRAME_RATE
-from roam_motion.training import labels
-from roam_motion.training.library import LibraryConfig
-from roam_motion.training.recordings import Recording, read_folder
+from roam_motion.training.data import labels
+from roam_motion.training.data.library import LibraryConfig
+from roam_motion.training.data.recordings import Recording, read_folder
 
 from roam_evaluation.motion.measures import Track, frechet, motion_figures, walking_features
 

@@ -20,7 +20,7 @@ from roam_motion.animator import Animator, CharacterState
 from roam_motion.control.paths import Outline
 from shapely.geometry import Point, Polygon
 
-from roam_evaluation.goalpose.objects import find_objects
+from roam_evaluation.goalpose.inputs.objects import find_objects
 from roam_evaluation.motion.approaches import SHIPPED
 from roam_evaluation.motion.goals import SeatGoal, make_goals
 from roam_evaluation.motion.runs import REACHED, Start, deepest

@@ -22,7 +22,7 @@ from roam_goalpose.objects.volume import shape_volume
 from roam_goalpose.synthesis import GoalPoseRequest, Synthesizer, SynthesizerSettings
 from roam_motion.control.intent import Goal
 
-from roam_evaluation.goalpose.objects import EvaluationObject, find_objects
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject, find_objects
 
 
 @dataclass(frozen=True, eq=False)

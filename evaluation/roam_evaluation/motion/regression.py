@@ -21,7 +21,7 @@ from roam_motion.animator import Animator, FrameData
 from roam_motion.app import SHIPPED_WEIGHTS
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
 
-from roam_evaluation.goalpose.objects import find_objects
+from roam_evaluation.goalpose.inputs.objects import find_objects
 from roam_evaluation.motion.goals import SeatGoal, make_goals
 from roam_evaluation.motion.runs import Start, draw_starts
 

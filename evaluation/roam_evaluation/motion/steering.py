@@ -19,7 +19,7 @@ from roam_character.pose import Pose
 from roam_character.skeleton import humanoid_skeleton
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animator import Animator, CharacterState, Goal, Idle, Intent, Steer
-from roam_motion.training.goals import read_given
+from roam_motion.training.data.goals import read_given
 
 from roam_evaluation.motion.approaches import SHIPPED
 

@@ -10,7 +10,7 @@ import torch
 from roam_goalpose.objects import ObjectError
 from roam_goalpose.synthesis import Synthesizer
 
-from roam_evaluation.goalpose.objects import EvaluationObject
+from roam_evaluation.goalpose.inputs.objects import EvaluationObject
 from roam_evaluation.shared.ledger import Ledger, Record
 
 # What one object is asked: of a synthesizer, under a plan that can be sent to another process.

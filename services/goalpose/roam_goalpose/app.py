@@ -10,13 +10,13 @@ import torch
 from fastapi import APIRouter
 from roam_character.body import body_capsules
 from roam_character.skeleton import humanoid_skeleton
+from roam_serving.endpoints.skeletons import skeleton_message
 from roam_serving.errors import NOT_READY, ServiceError
-from roam_serving.metrics import Metrics
-from roam_serving.readiness import Readiness
+from roam_serving.monitoring.metrics import Metrics
+from roam_serving.monitoring.readiness import Readiness
 from roam_serving.server import Addresses, running
 from roam_serving.server import main as run
 from roam_serving.shipped import weights_of
-from roam_serving.skeletons import skeleton_message
 
 from roam_goalpose.api import rpc
 from roam_goalpose.api.http import goalpose_router

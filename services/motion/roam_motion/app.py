@@ -12,13 +12,13 @@ import torch
 from fastapi import APIRouter
 from roam_character.body import body_capsules
 from roam_character.skeleton import Skeleton, humanoid_skeleton
+from roam_serving.endpoints.skeletons import skeleton_message
 from roam_serving.errors import NOT_READY, ServiceError
-from roam_serving.metrics import Metrics
-from roam_serving.readiness import Readiness
+from roam_serving.monitoring.metrics import Metrics
+from roam_serving.monitoring.readiness import Readiness
 from roam_serving.server import Addresses, running
 from roam_serving.server import main as run
 from roam_serving.shipped import WEIGHTS, weights_of
-from roam_serving.skeletons import skeleton_message
 
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator

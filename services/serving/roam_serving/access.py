@@ -7,11 +7,11 @@ from pathlib import Path
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from roam_serving.closings import closing
+from roam_serving.error_replies.closings import closing
+from roam_serving.error_replies.problems import problem_response
 from roam_serving.errors import API_KEY_MISSING, API_KEY_UNKNOWN, ServiceError
 from roam_serving.keys import KeyRing
-from roam_serving.logs import remember
-from roam_serving.problems import problem_response
+from roam_serving.monitoring.logs import remember
 from roam_serving.rates import RateLimiter
 from roam_serving.settings import ServerSettings
 

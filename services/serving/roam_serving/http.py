@@ -14,14 +14,14 @@ from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from roam_serving.access import Access, AccessControl
-from roam_serving.closings import closing
+from roam_serving.error_replies.closings import closing
+from roam_serving.error_replies.problems import PROBLEM_RESPONSES, add_problem_handlers, problem_response
 from roam_serving.errors import HOST_NOT_ALLOWED, INTERNAL, ORIGIN_NOT_ALLOWED, ServiceError
-from roam_serving.logs import choose_request_id, get_log, request_scope
-from roam_serving.metrics import Metrics
-from roam_serving.problems import PROBLEM_RESPONSES, add_problem_handlers, problem_response
-from roam_serving.readiness import Readiness
+from roam_serving.monitoring.logs import choose_request_id, get_log, request_scope
+from roam_serving.monitoring.metrics import Metrics
+from roam_serving.monitoring.readiness import Readiness
+from roam_serving.monitoring.tracing import Tracing
 from roam_serving.settings import ServerSettings
-from roam_serving.tracing import Tracing
 
 log = get_log("serving.http")
 

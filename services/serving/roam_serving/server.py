@@ -16,19 +16,19 @@ from fastapi import FastAPI
 from roam.v1 import server_pb2, server_pb2_grpc, skeleton_pb2, skeleton_pb2_grpc
 
 from roam_serving.access import Access
-from roam_serving.channel import SERVER_OPTIONS
 from roam_serving.collector import spare_collector
-from roam_serving.describe import ServerServicer, describe_router
-from roam_serving.health import add_health, add_reflection
+from roam_serving.endpoints.describe import ServerServicer, describe_router
+from roam_serving.endpoints.skeletons import SkeletonCatalogue, SkeletonServicer, skeletons_router
 from roam_serving.http import create_http_app
-from roam_serving.interceptor import RequestInterceptor
-from roam_serving.logs import configure_logs, get_log
-from roam_serving.metrics import Metrics
-from roam_serving.readiness import Readiness
+from roam_serving.monitoring.logs import configure_logs, get_log
+from roam_serving.monitoring.metrics import Metrics
+from roam_serving.monitoring.readiness import Readiness
+from roam_serving.monitoring.tracing import Tracing
+from roam_serving.rpc.channel import SERVER_OPTIONS
+from roam_serving.rpc.health import add_health, add_reflection
+from roam_serving.rpc.interceptor import RequestInterceptor
 from roam_serving.service import Service
 from roam_serving.settings import MIB, ServerSettings, SettingsError, read_settings
-from roam_serving.skeletons import SkeletonCatalogue, SkeletonServicer, skeletons_router
-from roam_serving.tracing import Tracing
 from roam_serving.transport import transport_security
 
 log = get_log("serving.server")

@@ -7,8 +7,8 @@ import grpc
 from fastapi import APIRouter
 from roam.v1 import skeleton_pb2
 
-from roam_serving.metrics import Metrics
-from roam_serving.readiness import Readiness
+from roam_serving.monitoring.metrics import Metrics
+from roam_serving.monitoring.readiness import Readiness
 
 
 class Service(Protocol):

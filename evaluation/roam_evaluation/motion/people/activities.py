@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from roam_evaluation.motion.people import feet, lying, running, sitting, standing, turning, variety, walking
 from roam_evaluation.motion.people.frames import Motion
+from roam_evaluation.motion.people.measures import feet, lying, running, sitting, standing, turning, variety, walking
 from roam_evaluation.motion.people.registry import Measure, measures
 
 Row = dict[str, float]

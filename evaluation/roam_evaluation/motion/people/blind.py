@@ -20,8 +20,8 @@ from sklearn.model_selection import StratifiedGroupKFold
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from roam_evaluation.motion.people import sitting, standing, walking
 from roam_evaluation.motion.people.frames import RATE, SIDES, SKELETON, Motion
+from roam_evaluation.motion.people.measures import sitting, standing, walking
 
 LIMIT = 75.0  # [%] balanced accuracy that may be reached
 _CLIPS = 24.0  # [Hz] of the captured clips

@@ -17,7 +17,7 @@ from typing import Any
 import torch
 from roam_motion.animator import Animator
 
-from roam_evaluation.goalpose.objects import find_objects, spread
+from roam_evaluation.goalpose.inputs.objects import find_objects, spread
 from roam_evaluation.motion.goals import make_goals
 from roam_evaluation.motion.people import performed
 from roam_evaluation.motion.people.activities import ACTIVITIES

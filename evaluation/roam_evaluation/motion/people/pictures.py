@@ -15,12 +15,13 @@ import numpy as np
 from PIL import Image
 from roam_motion.animator import Animator
 
-from roam_evaluation.goalpose.objects import find_objects
+from roam_evaluation.goalpose.inputs.objects import find_objects
 from roam_evaluation.motion.goals import SeatGoal, make_goals
-from roam_evaluation.motion.people import lying, performed, sitting, standing, turning, walking
+from roam_evaluation.motion.people import performed
 from roam_evaluation.motion.people.bodies import ABOVE, FRONT, SIDE, picture
 from roam_evaluation.motion.people.captured import Captured
 from roam_evaluation.motion.people.frames import RATE, Motion
+from roam_evaluation.motion.people.measures import lying, sitting, standing, turning, walking
 from roam_evaluation.shared.picture import Splats, cloud_splats, contact_sheet, object_splats
 
 SEAT, BED = "chair_polyhaven_dining-chair-02", "bed_polyhaven_gothic-bed-01"

@@ -31,7 +31,7 @@ def _rows(samples: Sequence[Sample]) -> list[dict[str, object]]:
 def _key(activity: Activity, root: Path) -> str:
     """Of the clips, the activity, and all code of this package that measures."""
     key = hashlib.sha256(f"{activity.key} {fingerprint(root)}".encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
         if source.stem in _MEASURING:
             key.update(source.read_bytes())
     return key.hexdigest()[:12]

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roam_evaluation.motion.people import feet, lying, sitting, turning
 from roam_evaluation.motion.people.frames import RATE, Motion
+from roam_evaluation.motion.people.measures import feet, lying, sitting, turning
+from roam_evaluation.motion.people.measures.posture import twist
 from roam_evaluation.motion.people.performed import GOING
-from roam_evaluation.motion.people.posture import twist
 
 _HELD = 0.10  # share by which a told speed may be missed
 _TWIST = 75.0  # [degrees]

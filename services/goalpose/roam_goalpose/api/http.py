@@ -12,9 +12,9 @@ from typing import Annotated, Any
 import orjson
 from fastapi import APIRouter, Header, Query, Request, Response
 from pydantic import BaseModel, ValidationError
+from roam_serving.error_replies.problems import problem
 from roam_serving.errors import CANCELLED, INTERNAL, INVALID_ARGUMENT, ServiceError
-from roam_serving.logs import get_log
-from roam_serving.problems import problem
+from roam_serving.monitoring.logs import get_log
 from sse_starlette import EventSourceResponse
 from starlette.datastructures import FormData, UploadFile
 

@@ -8,7 +8,7 @@ from roam_character.body import body_capsules
 from roam_character.pose import Pose
 from roam_character.volume import Volume
 from roam_character.wire import pack_float32
-from roam_serving.skeletons import skeleton_message
+from roam_serving.endpoints.skeletons import skeleton_message
 
 from roam_goalpose.assessment.diagnostics import PoseWarning
 from roam_goalpose.assessment.quality import PoseQuality

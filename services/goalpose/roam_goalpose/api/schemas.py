@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field
 from roam.v1 import goal_pose_pb2, skeleton_pb2
-from roam_serving.problems import problem
+from roam_serving.error_replies.problems import problem
 
 from roam_goalpose.api.messages import ACTIONS, goal_pose_message, progress_message
 from roam_goalpose.api.request_schemas import SkeletonJson, rows

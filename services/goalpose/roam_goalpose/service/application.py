@@ -15,8 +15,8 @@ from roam_character.pose import Pose
 from roam_character.skeleton import Skeleton
 from roam_serving.cache import RecentCache
 from roam_serving.compute import ComputeQueue
+from roam_serving.endpoints.skeletons import SKELETON_NOT_FOUND
 from roam_serving.errors import CANCELLED, INVALID_ARGUMENT, PAYLOAD_TOO_LARGE, ServiceError
-from roam_serving.skeletons import SKELETON_NOT_FOUND
 
 from roam_goalpose.energy.terms import TERMS
 from roam_goalpose.errors import OBJECT_NOT_FOUND, REFERENCE_POSE_NOT_FOUND, REFERENCE_POSE_UNFIT, from_object_error

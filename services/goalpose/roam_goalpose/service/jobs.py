@@ -11,7 +11,7 @@ from uuid import uuid4
 from roam_serving.access import CALLER
 from roam_serving.cache import RecentCache
 from roam_serving.errors import INTERNAL, ServiceError
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 
 from roam_goalpose.errors import IDEMPOTENCY_KEY_REUSED, JOB_NOT_FOUND
 from roam_goalpose.service.application import GoalPoseApplication

@@ -15,7 +15,7 @@ from dataclasses import fields, is_dataclass, replace
 from threading import Condition
 from typing import Any
 
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 from torch import Tensor
 
 from roam_goalpose.solvers.candidates import Candidates

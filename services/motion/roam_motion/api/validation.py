@@ -9,8 +9,8 @@ import numpy as np
 from roam_character.pose import Pose
 from roam_character.skeleton import Skeleton
 from roam_character.volume import Volume
+from roam_serving.endpoints.skeletons import SKELETON_NOT_FOUND
 from roam_serving.errors import INVALID_ARGUMENT, ServiceError
-from roam_serving.skeletons import SKELETON_NOT_FOUND
 from shapely.geometry import Polygon
 
 from roam_motion.actions import Action

@@ -10,9 +10,9 @@ from contextlib import aclosing
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from google.protobuf.message import DecodeError
 from roam.v1 import motion_pb2, skeleton_pb2
-from roam_serving.closings import closing
+from roam_serving.error_replies.closings import closing
 from roam_serving.errors import INTERNAL, ServiceError
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 
 from roam_motion.api.rpc import Duplex, opened, opening_of
 from roam_motion.errors import MESSAGE_MALFORMED

@@ -14,9 +14,9 @@ from prometheus_client import CollectorRegistry
 from roam_character.skeleton import Skeleton
 from roam_character.volume import Volume
 from roam_serving.access import CALLER, OWNER
+from roam_serving.endpoints.skeletons import SKELETON_NOT_FOUND
 from roam_serving.errors import DRAINING, INVALID_ARGUMENT, ServiceError
-from roam_serving.logs import get_log, remember
-from roam_serving.skeletons import SKELETON_NOT_FOUND
+from roam_serving.monitoring.logs import get_log, remember
 
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animator import CharacterState, FrameData, Intent

@@ -12,7 +12,7 @@ from uuid import uuid4
 from weakref import WeakValueDictionary
 
 from roam_serving.errors import ServiceError
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 
 from roam_motion.errors import CONTROL_BUDGET, SESSION_ELSEWHERE, SESSION_NOT_FOUND, SESSION_QUOTA, STORE_DOWN
 from roam_motion.session.records import Claim, ControlEntry, Event, EventKind, Snapshot

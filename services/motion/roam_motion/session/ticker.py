@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 
 from roam_motion.session.ownership import LiveSessions, Ownership
 from roam_motion.session.session import Session

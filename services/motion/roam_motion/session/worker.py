@@ -24,7 +24,7 @@ import numpy as np
 import roam_character
 import torch
 from roam_serving.collector import spare_collector
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 
 from roam_motion.animator import Animator, CharacterState, FrameData, Intent
 from roam_motion.control.controller import Control

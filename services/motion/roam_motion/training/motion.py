@@ -20,12 +20,12 @@ import torch
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
 from roam_motion.models.lnsm.predict import LnsmModel
-from roam_motion.training.approaches import approach_scores, held_out_goals
-from roam_motion.training.library import LibraryConfig, load_library
-from roam_motion.training.licences import LicenceError
-from roam_motion.training.loop import Learner, TrainingConfig, config_json, make_learner, train
-from roam_motion.training.validation import rollout_scores
-from roam_motion.training.weights import export, start_poses
+from roam_motion.training.data.library import LibraryConfig, load_library
+from roam_motion.training.data.licences import LicenceError
+from roam_motion.training.learning.approaches import approach_scores, held_out_goals
+from roam_motion.training.learning.loop import Learner, TrainingConfig, config_json, make_learner, train
+from roam_motion.training.learning.validation import rollout_scores
+from roam_motion.training.learning.weights import export, start_poses
 
 _OWN_FOLDERS = (
     "cmu_footlock",

@@ -16,9 +16,9 @@ from typing import Any
 import torch
 
 from roam_motion.animation.figure import humanoid_figure
-from roam_motion.training.library import LibraryConfig, load_library
-from roam_motion.training.licences import APACHE, SHARE_ALIKE
-from roam_motion.training.weights import export
+from roam_motion.training.data.library import LibraryConfig, load_library
+from roam_motion.training.data.licences import APACHE, SHARE_ALIKE
+from roam_motion.training.learning.weights import export
 
 FILES = {APACHE: "motion.safetensors", SHARE_ALIKE: "motion-cc-by-sa.safetensors"}  # by the weights' licence
 

@@ -1,0 +1,1 @@
+"""Channels, retries and how arrays travel: what every call stands on."""

@@ -1,0 +1,1 @@
+"""Motion sessions: how one begins, what it is told, and both kinds of session."""

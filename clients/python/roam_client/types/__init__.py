@@ -1,0 +1,1 @@
+"""What the services answer and are asked for, as Python objects."""

@@ -1,0 +1,1 @@
+"""`roam batch`: goal poses on every furniture file of a folder."""

@@ -1,0 +1,1 @@
+"""Objects and cases that goal poses are measured on."""

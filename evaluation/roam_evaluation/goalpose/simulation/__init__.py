@@ -1,0 +1,1 @@
+"""A rigid-body simulation of whether a goal pose carries the body."""

@@ -1,0 +1,1 @@
+"""One module for every activity of which people's ranges are known."""

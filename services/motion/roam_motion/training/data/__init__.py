@@ -1,0 +1,1 @@
+"""From recordings to episodes to the tensors that training draws from."""

@@ -1,0 +1,1 @@
+"""Services that every server offers besides its own."""
