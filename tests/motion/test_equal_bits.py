@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from furnished import bed, box
 from roam_motion.animator import CharacterState, Goal, Idle, Steer
 from roam_motion.control.actions import seat_of, transition
 from roam_motion.control.controller import INTERACT, RISE
 from roam_motion.graphs import Graphs
 from standing import random_animator, seated_pose
-from test_collision import box
-from test_reclining import bed
 
 pytestmark = pytest.mark.equal_bits
 

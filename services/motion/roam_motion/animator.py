@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from roam_character.volume import Volume
-from roam_serving.logs import get_log
+from roam_serving.monitoring.logs import get_log
 from torch import Tensor
 
 from roam_motion.actions import ACTIONS, IDLE, STYLES, action_numbered
