@@ -7,7 +7,13 @@ from seating import sitter
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'roam-services[evaluation]'")
 
-from roam_evaluation.goalpose.simulation.world import drift
+import mujoco
+from roam_evaluation.goalpose.simulation.world import drift, settled
+
+# A hinge that is driven instead of damped.
+EXPLOSIVE = """<mujoco><option timestep="0.004"/><worldbody><body pos="0 0 1"><freejoint/><geom size="0.1" mass="1"/>
+<body pos="0.3 0 0"><joint type="hinge" axis="0 1 0" damping="{damping}"/><geom size="0.1" mass="1"/></body></body>
+</worldbody></mujoco>"""
 
 
 def test_a_sitter_stays():
@@ -39,3 +45,11 @@ def test_boxes_do_not_overlap():
     apart = np.abs(boxes.centers[:, None] - boxes.centers) - (boxes.half[:, None] + boxes.half)
     overlapping = (apart < -1e-6).all(-1)
     assert overlapping.sum() == len(boxes.half)  # each with itself
+
+
+@pytest.mark.parametrize(("damping", "finite"), [(-1e6, False), (0.1, True)], ids=["explodes", "falls"])
+def test_a_simulation_that_explodes_counts_as_a_fall(damping, finite):
+    """MuJoCo by itself would put it back to its start, from where it falls a millimetre."""
+    model = mujoco.MjModel.from_xml_string(EXPLOSIVE.format(damping=damping))
+    assert np.isfinite(settled(model, 100)).all() == finite
+    assert settled(model, 100).min() > 0.1

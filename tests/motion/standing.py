@@ -88,3 +88,12 @@ def asked(goals: GoalRows, row: int) -> Asked:
     style = STYLES[int(fields["action"].argmax())]
     urgency, pose = float(fields["urgency"]), fields["pose_positions"].copy()
     return Asked(fields["positions"].copy(), style, bool(fields["active"]), urgency, pose)
+
+
+def played(animator, states, intents, frames=6):
+    shown = []
+    for _ in range(frames):
+        pairs = animator.step(states, intents)
+        states = [state for state, _ in pairs]
+        shown.append([frame for _, frame in pairs])
+    return states, shown

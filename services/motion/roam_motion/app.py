@@ -23,6 +23,7 @@ from roam_serving.shipped import WEIGHTS, weights_of
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import Animator
 from roam_motion.api import rpc
+from roam_motion.control.keeping_out import left_behind
 from roam_motion.control.plausibility import check_goal
 from roam_motion.session.application import MotionApplication
 from roam_motion.session.store.base import SessionStore
@@ -102,6 +103,7 @@ class MotionService:
             frames=self._worker.frames if self._worker else None,
             build=build_name(digest),
             check_goal=partial(check_goal, humanoid_figure()),
+            left_behind=partial(left_behind, humanoid_figure()),
             on_health=partial(_tell_health, readiness),
             on_failure=partial(readiness.fail, "motion"),
         )

@@ -5,7 +5,7 @@ import pytest
 from roam_motion.animation.rows import split_array
 from roam_motion.animation.state import shapes_of
 from roam_motion.animator import Animator, CharacterState, Goal, Idle, Steer
-from standing import random_animator, seated_pose
+from standing import played, random_animator, seated_pose
 
 WEIGHTS = Path(__file__).parents[3] / "weights" / "motion.safetensors"
 INTENTS = [
@@ -14,15 +14,6 @@ INTENTS = [
     Goal(seated_pose(ahead=1.5)),
     Steer(np.array([0.0, -0.4]), np.array([0.0, 1.0])),
 ]
-
-
-def played(animator, states, intents, frames=6):
-    shown = []
-    for _ in range(frames):
-        pairs = animator.step(states, intents)
-        states = [state for state, _ in pairs]
-        shown.append([frame for _, frame in pairs])
-    return states, shown
 
 
 def test_a_batch_gives_the_same_bits_as_single_characters():

@@ -2,29 +2,15 @@
 
 import numpy as np
 import torch
-from roam_character.volume import STEP, Volume
+from furnished import box
 from roam_motion.animation.collision import furniture_of, goal_depths, keep_clear, limbs_of, near
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animator import CharacterState
 from roam_motion.control.intent import Goal, Idle
 from roam_motion.control.seat import goal_arrays
-from standing import random_animator, seated_pose
-from test_animator import played
+from standing import played, random_animator, seated_pose
 
 FIGURE = humanoid_figure()
-PITCH = 0.04
-
-
-def box(low, high, yaw=0.0, margin=0.12):
-    """A volume around a box between two corners [3] [m]; exact at the nodes."""
-    low, high = np.array(low, float), np.array(high, float)
-    origin = low - margin
-    size = np.ceil((high - low + 2 * margin) / PITCH).astype(int) + 1
-    nodes = origin + PITCH * np.stack(np.meshgrid(*(np.arange(n) for n in size), indexing="ij"), -1)
-    apart = np.maximum(low - nodes, nodes - high)
-    distance = np.linalg.norm(np.maximum(apart, 0), axis=-1) + np.minimum(apart.max(-1), 0)
-    values = np.clip(np.round(distance / STEP), -127, 127).astype(np.int8)
-    return Volume(origin.astype(np.float32), PITCH, yaw, values)
 
 
 def seated():

@@ -1,59 +1,22 @@
 """Lying down by way of the furniture's edge: a box of a bed, and a lying pose in its middle."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 import torch
-from roam_character.pose import Pose, rest_pose
-from roam_character.rotation import quat_from_rotvec
-from roam_character.skeleton import humanoid_skeleton
+from furnished import TOP, bed
 from roam_motion.animation.collision import furniture_of
 from roam_motion.animation.figure import humanoid_figure
 from roam_motion.animation.state import characters_width
 from roam_motion.animator import Animator, CharacterState
+from roam_motion.app import SHIPPED_WEIGHTS
 from roam_motion.control.actions import seat_of, transition
 from roam_motion.control.controller import INTERACT, RISE, Body, Control
-from roam_motion.control.intent import Goal, Idle
+from roam_motion.control.intent import Idle
 from roam_motion.control.planner import Plan
-from standing import controlled
-from test_animator import WEIGHTS, played
-from test_collision import box
+from standing import controlled, played
 
 FIGURE = humanoid_figure()
 NAMES = FIGURE.skeleton
-TOP = 0.45  # [m]
-BED = ((-0.5, -1.0), (0.5, -1.0), (0.5, 1.1), (-0.5, 1.1))
-
-
-def lying_pose():
-    """On the back, feet towards +Z, arms beside the body."""
-    rotations = rest_pose(NAMES).rotations.copy()
-    rotations[0] = quat_from_rotvec(np.array([-np.pi / 2, 0, 0], np.float32))
-    for side, sign in (("left", -1), ("right", 1)):
-        rotations[NAMES.index(f"{side}UpperArm")] = quat_from_rotvec(np.array([0, 0, sign * 1.35], np.float32))
-    return Pose(humanoid_skeleton(), np.array([0, TOP + 0.10, 0], np.float32), rotations)
-
-
-@cache
-def bed(wall=None):
-    """A goal on a bed of 1 x 2.1 m, with a board along one of its sides if asked."""
-    volume = box([-0.5, 0.0, -1.0], [0.5, TOP, 1.1])
-    if wall is not None:
-        low, high = (
-            ([0.46, 0.0, -1.0], [0.5, TOP + 0.4, 1.1]) if wall == "left" else ([-0.5, 0, -1], [-0.46, 0.85, 1.1])
-        )
-        board = box(low, high)
-        volume = box([-0.5, 0.0, -1.0], [0.5, TOP + 0.4, 1.1])
-        nodes = volume.origin + volume.pitch * np.stack(
-            np.meshgrid(*map(np.arange, volume.values.shape), indexing="ij"), -1
-        )
-        flat = torch.tensor(nodes.reshape(1, -1, 3), dtype=torch.float32)
-        parts = [box([-0.5, 0.0, -1.0], [0.5, TOP, 1.1]), board]
-        gaps = [furniture_of([part], [np.zeros(0, np.float32)], [True]).distance(flat)[0] for part in parts]
-        values = (torch.minimum(*gaps) / 0.0025).round().clamp(-127, 127).reshape(volume.values.shape)
-        volume = type(volume)(volume.origin, volume.pitch, 0.0, values.numpy().astype(np.int8))
-    return Goal(lying_pose(), "lie", obstacles=(BED,), volume=volume)
 
 
 def way(goal=None, place=(2.0, 0.0), manner=()):
@@ -184,9 +147,9 @@ def test_whoever_is_called_while_lying_down_turns_round_without_a_jump():
     assert up[-1][0].along < state.along
 
 
-@pytest.mark.skipif(not WEIGHTS.exists(), reason="weights/motion.safetensors is not there: train or fetch it")
+@pytest.mark.skipif(not SHIPPED_WEIGHTS.exists(), reason="weights/motion.safetensors is not there: train or fetch it")
 def test_shipped_weights_lie_down_and_get_up_at_once():
-    animator = Animator.load(WEIGHTS)
+    animator = Animator.load(SHIPPED_WEIGHTS)
     states, shown = played(animator, [animator.start((1.9, 0.2), -1.5, 0)], [bed()], frames=300)
     far = [row[0].goal_distance for row in shown if row[0].goal_distance is not None]
     assert far[-1] < 0.01

@@ -26,6 +26,7 @@ from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animation.stepping import BEHIND
 from roam_motion.control.actions import footing, outlines_of, seat_of, transition
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
+from roam_motion.control.keeping_out import kept_out
 from roam_motion.control.pace import followed
 from roam_motion.control.paths import way
 from roam_motion.control.planner import SPEED, Aim, Plan, Steering, Target, follow, plan_keys, wrap
@@ -257,6 +258,7 @@ def _aim(figure: Figure, state: Control, intent: Intent, body: Body) -> Aim:
         return Target(x, z, math.atan2(dx, dz), corners, SPEED + _PACE * body.deviate("pace"))
     if isinstance(intent, Steer):
         turn = None if intent.facing is None else math.atan2(*map(float, intent.facing))
-        return Steering(*followed(intent), turn)
+        velocity = kept_out(figure, intent.around, (body.x, body.z), followed(intent))
+        return Steering(*velocity, turn)
     assert isinstance(intent, Idle | Goal)
     return Steering(0.0, 0.0, None)

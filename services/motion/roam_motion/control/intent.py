@@ -11,22 +11,27 @@ from roam_motion.control.paths import Outline
 
 @dataclass(frozen=True, eq=False)
 class Idle:
-    """Stand where you are; get up first if seated or lying. `look_at` [3] is a place in the world to look at [m]."""
+    """Stand where you are; get up first if seated or lying. `look_at` [3] is a place in the world to look at [m].
+
+    `around`: see `Steer`; kept for who is steered later.
+    """
 
     look_at: np.ndarray | None = None
+    around: tuple[Outline, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Steer:
     """Low-level control: a wanted velocity [2] (x, z) [m/s] and, unless it follows the velocity, a facing [2].
 
-    `look_at` [3] is a place in the world to look at [m].
+    `look_at` [3] is a place in the world to look at [m]. `around` are outlines on the floor that it keeps out of.
     """
 
     velocity: np.ndarray
     facing: np.ndarray | None = None
     action: str = "walk"
     look_at: np.ndarray | None = None
+    around: tuple[Outline, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from roam_serving.monitoring.logs import get_log, remember
 from roam_motion.animation.state import FRAME_RATE
 from roam_motion.animator import CharacterState, FrameData, Intent
 from roam_motion.control.intent import Goal
+from roam_motion.control.paths import Outline
 from roam_motion.errors import SESSION_QUOTA
 from roam_motion.session.control_desk import ControlDesk
 from roam_motion.session.ownership import LiveSessions, Ownership
@@ -70,6 +71,7 @@ class MotionApplication:
         frames: Frames | None = None,
         build: str = "",
         check_goal: Callable[[Goal, tuple[float, float]], None] = lambda goal, start: None,
+        left_behind: Callable[[Intent], tuple[Outline, ...]] = lambda intent: (),
         on_health: Callable[[bool], None] = lambda well: None,
         on_failure: Callable[[str], None] = lambda reason: None,
     ) -> None:
@@ -90,7 +92,7 @@ class MotionApplication:
         self.ticker = Ticker(
             self.sessions, self.ownership, frames, frame_rate=FRAME_RATE, registry=registry, on_failure=on_failure
         )
-        self._desk = ControlDesk(self.sessions, settings, check_goal)
+        self._desk = ControlDesk(self.sessions, settings, check_goal, left_behind)
         self._metrics = StreamMetrics(registry)
         self._animator = animator
         self.skeleton = skeleton

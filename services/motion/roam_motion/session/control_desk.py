@@ -11,9 +11,9 @@ from roam_character.volume import Volume
 from roam_serving.errors import ServiceError
 from roam_serving.rates import RateLimiter
 
-from roam_motion.control.intent import Goal, Steer
+from roam_motion.control.intent import Goal, Idle, Intent, Steer
 from roam_motion.control.pace import cut_to
-from roam_motion.control.paths import Place, inside
+from roam_motion.control.paths import Outline, Place, inside
 from roam_motion.control.plausibility import ImplausibleGoalError, UnreachableGoalError
 from roam_motion.errors import CONTROL_BUDGET, GOAL_INVALID, GOAL_UNREACHABLE
 from roam_motion.session.ownership import LiveSessions
@@ -28,11 +28,18 @@ _SAME_SEAT = 0.3  # [m] between two pairs of hips: a body is 0.35 m wide
 class ControlDesk:
     """Checks controls before they are written down; all methods run on the event loop.
 
+    `left_behind(intent)` are the outlines that whoever was asked for it keeps out of when steered from then on.
     `check_goal(goal, start)` raises an ImplausibleGoalError or UnreachableGoalError; it runs in a thread.
     """
 
-    def __init__(self, live: LiveSessions, settings: MotionSettings, check_goal: Callable[[Goal, Place], None]) -> None:
-        self._live, self._settings, self._check_goal = live, settings, check_goal
+    def __init__(
+        self,
+        live: LiveSessions,
+        settings: MotionSettings,
+        check_goal: Callable[[Goal, Place], None],
+        left_behind: Callable[[Intent], tuple[Outline, ...]],
+    ) -> None:
+        self._live, self._settings, self._check_goal, self._left_behind = live, settings, check_goal, left_behind
         rate = settings.controls_per_second
         self._rates = RateLimiter(rate, max(1, round(_BURST * rate)))
         self._goals: WeakValueDictionary[str, Goal] = WeakValueDictionary()
@@ -46,6 +53,9 @@ class ControlDesk:
         self._rates.take(session.name)
         control = replace(control, change=control.change.lowered(session.floor_height))
         lowered = control.change.intent
+        if isinstance(lowered, Steer | Idle):
+            lowered = replace(lowered, around=self._left_behind(session.newest_intent))
+            control = replace(control, change=replace(control.change, intent=lowered))
         if isinstance(lowered, Steer) and (kept := cut_to(lowered)) is not None:
             return control, [_warning("SPEED_CUT", f"so fast nobody walks; followed at {kept:.2f} m/s")]
         if not isinstance(lowered, Goal):

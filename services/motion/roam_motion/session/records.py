@@ -23,6 +23,7 @@ class EventKind(Enum):
 
 
 _SMALL, _SMALL_GOAL = 64, 1024  # [bytes] of a control without and with a pose
+_CORNER = 16  # [bytes] of an outline
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,12 @@ class ControlChange:
     @property
     def size(self) -> int:
         """About how many bytes it takes to keep."""
-        if not isinstance(self.intent, Goal):
+        if self.intent is None:
             return _SMALL
-        corners = sum(len(outline) for outline in self.intent.obstacles)
-        return _SMALL_GOAL + 2 * 8 * corners + (len(self.intent.volume.packed) if self.intent.volume else 0)
+        if not isinstance(self.intent, Goal):
+            return _SMALL + _CORNER * sum(map(len, self.intent.around))
+        corners = sum(map(len, self.intent.obstacles))
+        return _SMALL_GOAL + _CORNER * corners + (len(self.intent.volume.packed) if self.intent.volume else 0)
 
 
 @dataclass(frozen=True)

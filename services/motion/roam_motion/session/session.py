@@ -149,6 +149,12 @@ class Session:
         return self._change.intent or Idle()
 
     @property
+    def newest_intent(self) -> Intent:
+        """What the controls taken so far come to, those that wait for their frame included."""
+        waiting = [entry.change.intent for entry in self._schedule if entry.change.intent is not None]
+        return waiting[-1] if waiting else self.intent
+
+    @property
     def floor_height(self) -> float:
         """Height of the floor [m]; the animator walks at 0."""
         return self.record.floor_height

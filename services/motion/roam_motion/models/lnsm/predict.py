@@ -1,7 +1,7 @@
 """l-NSM as a motion model: loaded from its weights, asked in chunks of few shapes."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -18,11 +18,13 @@ from roam_motion.models.lnsm.network import MotionNetwork, Normaliser, answer, n
 
 KEY = "l-nsm"  # of this model in weights files
 
-# Numbers of rows that the network is asked with; batches are padded to a sum of them. Matrix products of one shape give
-# the same bits whatever the other rows hold, so a session's motion does not depend on its neighbours. A product reads
-# all weights, 8 MB: 64 rows at once cost 2.5 ms, as four times 16 they cost 3.6. Only sizes whose rows come out alike,
-# to the bit, on this very processor are used.
-_SIZES = 8, 16, 32, 64
+# Numbers of rows that the network is asked with, by the smallest of them; batches are padded to a sum of them. Matrix
+# products of one shape give a row the same bits whatever the other rows hold, but not always at every place: MKL's AVX2
+# kernels take rows by six and round the last two of eight otherwise. So the first family counts whose smallest size
+# answers alike at all places, on this very processor, and of it the sizes that agree. A product reads all weights,
+# 8 MB: 64 rows at once cost 2.5 ms, as four times 16 they cost 3.6.
+_FAMILIES = (8, 16, 32, 64), (12, 24, 48), (16, 48), (1,)
+_PROBES = 3  # rows that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,7 @@ class ChunkedNetwork:
             for kind in ("mean", "std")
         )
         self._normaliser = normaliser
-        chunk = traced(self._answer, torch.zeros(_SIZES[0], len(self._mean)))
+        chunk = traced(self._answer, torch.zeros(_FAMILIES[0][0], len(self._mean)))
         self._sizes = _alike(chunk, len(self._mean))
         self._answers = _chunked(chunk)
 
@@ -115,8 +117,21 @@ def _chunked(chunk: Chunk) -> Callable[[Tensor, list[int]], Tensor]:
 
 
 def _alike(chunk: Chunk, width: int) -> list[int]:
-    """Those sizes that answer every row as the smallest one does, the largest first."""
-    rows = torch.randn(_SIZES[-1], width, generator=torch.Generator().manual_seed(0))
-    singly, *others = (torch.cat([chunk(part) for part in rows.split(size)]) for size in _SIZES)
-    same = [size for size, together in zip(_SIZES[1:], others, strict=True) if torch.equal(together, singly)]
-    return [*reversed(same), _SIZES[0]]
+    """Sizes that answer every row alike at every place, the largest first."""
+    probes = torch.randn(_PROBES, width, generator=torch.Generator().manual_seed(0))
+    for smallest, *larger in _FAMILIES:
+        own = [chunk(probe.expand(smallest, -1)) for probe in probes]
+        if all(_one_answer(answers, answers[:1]) for answers in own):
+            alike = [size for size in larger if _agrees(chunk, probes, size, own)]
+            return [*reversed(alike), smallest]
+    raise AssertionError("a single row has one answer")
+
+
+def _agrees(chunk: Chunk, probes: Tensor, size: int, answers: Sequence[Tensor]) -> bool:
+    """Whether so many rows are answered as the smallest size answers them."""
+    return all(_one_answer(chunk(probe.expand(size, -1)), own[:1]) for probe, own in zip(probes, answers, strict=True))
+
+
+def _one_answer(answers: Tensor, expected: Tensor) -> bool:
+    """Whether all rows are `expected` [1, O], to the bit."""
+    return torch.equal(answers, expected.expand_as(answers))

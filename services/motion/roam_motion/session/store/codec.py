@@ -15,6 +15,7 @@ from roam_character.skeleton import Skeleton
 from roam_character.volume import Volume
 
 from roam_motion.control.intent import Goal, Idle, Intent, Steer
+from roam_motion.control.paths import Outline
 from roam_motion.session.records import ControlChange, ControlEntry, Event, EventKind, SessionRecord, Snapshot
 
 Volumes = Mapping[str, Volume]  # by digest
@@ -70,18 +71,23 @@ class RecordCodec:
     def _intent(self, volumes: Volumes, kind: str, **fields: Any) -> Intent:
         look_at = _optional(fields["look_at"])
         if kind == "idle":
-            return Idle(look_at)
+            return Idle(look_at, _outlines(fields["around"]))
         if kind == "steer":
-            return Steer(_array(fields["velocity"]), _optional(fields["facing"]), fields["action"], look_at)
+            velocity, facing = _array(fields["velocity"]), _optional(fields["facing"])
+            return Steer(velocity, facing, fields["action"], look_at, _outlines(fields["around"]))
         rotations = _array(fields["rotations"]).reshape(-1, 4)
         return Goal(
             pose=Pose(self._skeleton, _array(fields["root_position"]), rotations),
             action=fields["action"],
             approach=_optional(fields["approach"]),
-            obstacles=tuple(tuple((x, z) for x, z in outline) for outline in fields["obstacles"]),
+            obstacles=_outlines(fields["obstacles"]),
             volume=_named(fields["volume"], volumes),
             look_at=look_at,
         )
+
+
+def _outlines(corners: list[list[list[float]]]) -> tuple[Outline, ...]:
+    return tuple(tuple((x, z) for x, z in outline) for outline in corners)
 
 
 def _named(digest: str | None, volumes: Volumes) -> Volume | None:
@@ -96,11 +102,11 @@ def _change_fields(change: ControlChange) -> dict[str, Any]:
 def _intent_fields(intent: Intent) -> dict[str, Any]:
     look_at = None if intent.look_at is None else _text(intent.look_at)
     if isinstance(intent, Idle):
-        return {"kind": "idle", "look_at": look_at}
+        return {"kind": "idle", "look_at": look_at, "around": intent.around}
     if isinstance(intent, Steer):
         facing = None if intent.facing is None else _text(intent.facing)
         steer = {"velocity": _text(intent.velocity), "facing": facing, "action": intent.action}
-        return {"kind": "steer", "look_at": look_at, **steer}
+        return {"kind": "steer", "look_at": look_at, "around": intent.around, **steer}
     return {
         "kind": "goal",
         "look_at": look_at,
