@@ -47,6 +47,7 @@ def kinds(animator):
         "turns on the spot": Steer(pair(0.0, 0.0), pair(0.0, -1.0)),
         "walks back, looking": Steer(pair(0.0, -0.7), pair(0.0, 1.0), look_at=THERE),
         "faster than can be": Steer(pair(9.0, 3.0), pair(3.0, -9.0)),
+        "is steered at furniture": Steer(pair(0.1, -1.0), around=(((-1, 0), (1, 0), (1, 0.5), (-1, 0.5)),)),
         "goes to a chair": CHAIR,
         "goes to a chair without volume": replace(CHAIR, volume=None, obstacles=(((1, 1), (1, 2), (2, 2)),)),
         "goes to a bed": bed(),

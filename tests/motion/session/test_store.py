@@ -257,13 +257,15 @@ async def test_a_redis_that_is_not_there_is_down():
         Idle(np.float32([1, 1.5, 2])),
         Steer(np.float32([0.1, -1 / 3])),
         Steer(np.float32([0.0, 1.0]), np.float32([0.6, 0.8])),
+        Steer(np.float32([0.0, 1.0]), around=(((0.1, 1 / 3), (1.0, 0.0), (0.0, -1.0)),)),
+        Idle(around=(((0.1, 1 / 3), (1.0, 0.0), (0.0, -1.0)),)),
         Goal(seated_pose(), "lie", np.float32([1.0, 0.0]), (((0.1, 1 / 3), (1.0, 0.0), (0.0, -1.0)),)),
         Goal(
             seated_pose(),
             volume=Volume(np.float32([1, 2, 3]), 0.04, 0.5, np.arange(24, dtype=np.int8).reshape(2, 3, 4)),
         ),
     ],
-    ids=["idle", "steer", "steer and face", "goal", "goal with furniture"],
+    ids=["idle", "steer", "steer and face", "steer past", "idle beside", "goal", "goal with furniture"],
 )
 def test_an_intent_that_is_written_down_comes_back_to_the_bit(intent):
     entry = ControlEntry(3, 9, ControlChange(intent, "mine"))
@@ -271,7 +273,9 @@ def test_an_intent_that_is_written_down_comes_back_to_the_bit(intent):
     assert (again.control_id, again.effective, again.change.goal_name) == (3, 9, "mine")
     assert type(again.change.intent) is type(intent)
     assert CODEC.encode(again) == CODEC.encode(entry)
-    if isinstance(intent, Goal):
+    if not isinstance(intent, Goal):
+        assert again.change.intent.around == intent.around
+    else:
         found = again.change.intent
         assert found.pose.rotations.tobytes() == intent.pose.rotations.tobytes()
         assert found.pose.root_position.tobytes() == intent.pose.root_position.tobytes()
