@@ -96,7 +96,7 @@ def start(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]
         "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
     } | variables
     return subprocess.run(
-        [sys.executable, "-m", *arguments], env=environment, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-m", *arguments], env=environment, capture_output=True, text=True, timeout=280, check=False
     )
 
 
