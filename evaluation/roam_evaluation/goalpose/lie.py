@@ -61,6 +61,9 @@ def _figures(runs: list[LyingRun]) -> dict[str, Any]:
         "on_the_seat": share(run.off_seat <= OFF_SEAT for run in runs),
         "along": share(run.across <= ALONG for run in runs if run.across is not None),
         "head_at_back": share(run.head_at_back for run in runs if run.head_at_back is not None),
+        "head_room_m": spread_of(run.head_room for run in runs),
+        "foot_room_m": spread_of(run.foot_room for run in runs),
+        "feet_over_the_end": share(run.foot_room < 0 for run in runs),
         "penetration_m": spread_of(run.penetration for run in runs),
         "cpu_seconds": spread_of(run.cpu_seconds for run in runs),
     }

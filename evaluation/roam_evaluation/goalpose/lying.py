@@ -42,6 +42,8 @@ class LyingRun:
     )  # [rad] between body and the way from the head board, else the long side; None: as long as wide
     head_at_back: bool | None  # of beds and loungers: at the head board; None: any end is as good
     off_seat: float  # [m] between what holds the hips and the seat or mattress; on top of a back rest it is much
+    head_room: float  # [m] from the top of the head to the furniture's end there, along it; below 0: over the end
+    foot_room: float  # [m] the same of the toes
     rise: float  # [m] of the neck over the hips
     length: float  # [m] of the furniture's longer side
     cpu_seconds: float
@@ -83,7 +85,9 @@ class LyingRun:
         across = "-" if self.across is None else f"{math.degrees(self.across):.0f}"
         head = {None: "", True: " head right", False: " HEAD WRONG"}[self.head_at_back]
         mark = "GOOD" if self.success else "told" if self.refused else "BAD "
-        return f"{mark} {self.reference} gaps cm {gaps}, deep {100 * self.penetration:.1f}, across {across}{head}"
+        rooms = f"room cm head {100 * self.head_room:.0f} feet {100 * self.foot_room:.0f}"
+        deep = f"deep {100 * self.penetration:.1f}"
+        return f"{mark} {self.reference} gaps cm {gaps}, {deep}, {rooms}, across {across}{head}"
 
 
 def lying_run_from(record: dict[str, Any]) -> LyingRun:
@@ -100,6 +104,7 @@ def judge_lying(item: EvaluationObject, truth: Shape, result: GoalPoseResult, *,
     # Sofas have their backs along the body, and so have day-beds.
     headed = item.category in ("bed", "lounger") and sides[2] > sides[0] / LONG
     boarded = bool(headed and np.linalg.norm(truth.front) > FRONT)
+    head_room, foot_room = _rooms(pose, truth, boarded)
     return LyingRun(
         object=item.name,
         category=item.category,
@@ -110,6 +115,8 @@ def judge_lying(item: EvaluationObject, truth: Shape, result: GoalPoseResult, *,
         across=_across(neck - hips, sides, boarded),
         head_at_back=bool(neck[2] < hips[2]) if boarded else None,
         off_seat=abs(result.diagnostics["seat_height"] - (item.seat_height or result.diagnostics["seat_height"])),
+        head_room=head_room,
+        foot_room=foot_room,
         rise=float(neck[1] - hips[1]),
         length=float(max(sides[0], sides[2])),
         cpu_seconds=cpu_seconds,
@@ -118,6 +125,22 @@ def judge_lying(item: EvaluationObject, truth: Shape, result: GoalPoseResult, *,
         root_position=pose.root_position.tolist(),
         rotations=pose.rotations.tolist(),
     )
+
+
+def _rooms(pose: Pose, shape: Shape, boarded: bool) -> tuple[float, float]:
+    """What is left between the head's capsule, the toes and the two ends of the furniture's box [m]."""
+    sides = np.ptp(shape.bounds, axis=0)
+    axis = 2 if boarded or sides[2] > sides[0] else 0
+    middle = float(shape.bounds[:, axis].mean())
+    capsules = body_capsules(pose.skeleton)
+    head = [c for c, name in enumerate(capsules.names) if name == "head"]
+    ends = np.concatenate([part[head][:, axis] for part in capsules.segments(*pose.posture())]) - middle
+    radius = float(capsules.radii[head].max())
+    joints = pose.positions()[:, axis] - middle
+    feet = np.array([joints[pose.skeleton.index(f"{side}Toes")] for side in ("left", "right")])
+    towards = 1.0 if ends.mean() > feet.mean() else -1.0
+    half = 0.5 * float(sides[axis])
+    return half - float((towards * ends).max()) - radius, half - float((-towards * feet).max())
 
 
 def support_gaps(pose: Pose, shape: Shape) -> dict[str, float]:

@@ -24,6 +24,7 @@ from roam_goalpose.objects.surfaces.sampling import sample_triangles, triangle_a
 from roam_goalpose.objects.surfaces.surface import surface_samples
 
 _CELLS = 72  # along the longest side: 3 cm in a group of 2.2 m
+_GAP = 1.5  # cells that must lie between pieces for them to be two: at one cell the turn of the upload would decide
 _SAMPLES = 60_000
 _AS_LARGE = 0.3  # of the largest piece's diagonal that a piece has at least
 _BROAD = 0.25  # of its height that a piece is wide and deep at least: a leg is not
@@ -56,13 +57,15 @@ def split(geometry: Geometry, *, up: Array) -> list[Piece]:
     """
     if geometry.faces is None:
         return [_piece(geometry, up)]
-    group = _groups(geometry, np.eye(3))
-    if group.any():  # gaps may close in the cells of one turn and not of another: its own axes decide
-        group = _groups(geometry, _own_axes(geometry, up))
+    if not _groups(geometry, np.eye(3), 1.0).any():
+        return [_piece(geometry, up)]
+    # How near and how broad things are must not hang on how the upload is turned.
+    axes = _own_axes(geometry, up)
+    group = _groups(geometry, axes, _GAP)
     count = int(group.max()) + 1
     if count == 1 or count > _MOST:
         return [_piece(geometry, up)]
-    boxes = _boxes(geometry, group, count, up)
+    boxes = _boxes(geometry, group, count, axes)
     whole = _standing_apart(boxes)
     nearest = _nearest(boxes, whole) if len(whole) else np.zeros(count, np.int64)
     if len(whole) < 2 and (nearest >= 0).all():
@@ -127,13 +130,15 @@ def _own_axes(geometry: Geometry, up: Array) -> Array:
     return own
 
 
-def _groups(geometry: Geometry, axes: Array) -> Indices:
-    """Which connected set of cells, of a grid along the rows of `axes` `[3, 3]`, each triangle `[F]` lies in, numbered
-    in the file's order."""
+def _groups(geometry: Geometry, axes: Array, size: float) -> Indices:
+    """Which connected set of cells each triangle `[F]` lies in, numbered in the file's order.
+
+    The cells lie along the rows of `axes` `[3, 3]` and are `size` times as large as `_CELLS` says.
+    """
     assert geometry.faces is not None
     vertices = geometry.vertices @ axes.T
     low = vertices.min(axis=0)
-    cell = max(float(np.ptp(vertices, axis=0).max()), 1e-12) / _CELLS
+    cell = size * max(float(np.ptp(vertices, axis=0).max()), 1e-12) / _CELLS
     grid = np.zeros([_CELLS + 4] * 3, dtype=bool)
     grid[_cells(surface_samples(geometry)[0] @ axes.T, low, cell)] = True
     grid[_cells(vertices, low, cell)] = True
@@ -160,10 +165,10 @@ def _in_order(labels: npt.NDArray[np.integer]) -> Indices:
     return rank[inverse]
 
 
-def _boxes(geometry: Geometry, group: Indices, count: int, up: Array) -> Array:
-    """Lowest and highest corner `[count, 2, 3]` of every group, Y up."""
+def _boxes(geometry: Geometry, group: Indices, count: int, axes: Array) -> Array:
+    """Lowest and highest corner `[count, 2, 3]` of every group along the rows of `axes` `[3, 3]`, the second one up."""
     assert geometry.faces is not None
-    turned = geometry.vertices @ turn_to_y(up).T
+    turned = geometry.vertices @ axes.T
     corners = turned[geometry.faces]
     boxes = np.stack([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)], axis=1)
     np.minimum.at(boxes[:, 0], group, corners.min(axis=1))
