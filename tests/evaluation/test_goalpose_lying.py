@@ -66,7 +66,7 @@ def test_feet_on_the_pillow_are_no_success_where_there_is_a_head_board(bed: Refe
     trunk = joints[bed.pose.skeleton.index("neck")] - joints[0]
     away = np.arctan2(-trunk[0], -trunk[2])  # the turn that takes the head to −Z
     for turn, right in ((-away, True), (np.pi - away, False)):
-        run = judged(replace(bed, shape=shape), turn=float(turn))
+        run = judged(replace(bed, source=shape), turn=float(turn))
         assert run.head_at_back is right
         assert run.across == pytest.approx(0.0, abs=0.1)
 

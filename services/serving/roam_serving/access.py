@@ -3,13 +3,16 @@
 from collections.abc import Iterable
 from contextvars import ContextVar
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from roam_serving.errors import API_KEY_MISSING, API_KEY_UNKNOWN, ServiceError
 from roam_serving.keys import KeyRing
 from roam_serving.monitoring.logs import remember
 from roam_serving.rates import RateLimiter
 from roam_serving.settings import ServerSettings
-from roam_serving.shared_rates import SharedRateLimiter
+
+if TYPE_CHECKING:
+    from roam_serving.shared_rates import SharedRateLimiter
 
 CALLER: ContextVar[str] = ContextVar("roam_caller", default="")  # of the request: its key's name, else its address
 OWNER: ContextVar[str] = ContextVar("roam_owner", default="")  # the key's name; "" where no keys are asked: all share
@@ -20,7 +23,7 @@ _OPEN_METHODS = ("/grpc.health.", "/grpc.reflection.")
 class Access:
     """Admits requests by key and rate; without keys the caller's address counts."""
 
-    def __init__(self, keys: KeyRing | None, rates: RateLimiter | SharedRateLimiter | None) -> None:
+    def __init__(self, keys: KeyRing | None, rates: "RateLimiter | SharedRateLimiter | None") -> None:
         self._keys = keys
         self._rates = rates
 
@@ -31,11 +34,15 @@ class Access:
         rate, burst, store = settings.requests_per_second, settings.request_burst, settings.rate_store
         if not rate:
             return cls(keys, None)
-        return cls(keys, SharedRateLimiter.at(store, rate, burst) if store else RateLimiter(rate, burst))
+        if not store:
+            return cls(keys, RateLimiter(rate, burst))
+        from roam_serving.shared_rates import SharedRateLimiter  # redis: only where it is asked for
+
+        return cls(keys, SharedRateLimiter.at(store, rate, burst))
 
     async def close(self) -> None:
         """Lets go of what counts the rates."""
-        if isinstance(self._rates, SharedRateLimiter):
+        if self._rates is not None and not isinstance(self._rates, RateLimiter):
             await self._rates.close()
 
     async def admit(self, authorization: str, address: str) -> None:
@@ -51,10 +58,10 @@ class Access:
             caller = name
             OWNER.set(name)
             remember(caller=caller)
-        if isinstance(self._rates, SharedRateLimiter):
-            await self._rates.take(caller)
-        elif self._rates is not None:
+        if isinstance(self._rates, RateLimiter):
             self._rates.take(caller)
+        elif self._rates is not None:
+            await self._rates.take(caller)
         CALLER.set(caller)
 
     async def admit_call(self, method: str, metadata: Iterable[tuple[str, str | bytes]], peer: str) -> None:

@@ -18,7 +18,7 @@ from roam_serving.errors import ServiceError
 from walker import Place, Walker
 
 BURST = Pacing.BURST
-LEASE = 0.15
+LEASE = 0.4
 
 
 class Store(MemoryStore):

@@ -6,7 +6,7 @@ import pytest
 from prometheus_client import CollectorRegistry
 from requests_of import playback, steer
 from roam.v1 import skeleton_pb2
-from roam_motion.api.messages import FrameFormat, response
+from roam_motion.api.messages import Following, FrameFormat, response
 from roam_motion.errors import SEQUENCE_AHEAD
 from roam_motion.session.application import MotionApplication
 from roam_motion.session.records import EventKind, SessionRequest
@@ -212,7 +212,7 @@ async def test_many_readers_share_one_packing(application, session):
         await take(one)
         await take(two)
         await step(application, session)
-        form, skeleton = FrameFormat(), skeleton_pb2.Skeleton(id="s")
-        frames = [response(stream, await anext(stream), form, skeleton) for stream in (one, two)]
+        skeleton = skeleton_pb2.Skeleton(id="s")
+        frames = [response(stream, await anext(stream), Following(FrameFormat()), skeleton) for stream in (one, two)]
     assert frames[0] == frames[1]
     assert len(session.ring[0].packed) == 1
