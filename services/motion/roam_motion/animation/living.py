@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import torch
+from roam_character.matrices import matrix_between, matrix_from_6d, matrix_from_rotvec, matrix_to_6d, unit
 from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.actions import IDLE, LIE
-from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, turn_between, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import of
 from roam_motion.animation.state import STYLE, Characters
 
@@ -89,7 +90,7 @@ def alive(figure: Figure, characters: Characters, orientations: Tensor, life: Li
     size = 1 + _UNREST * of(characters.manner, "unrest")
     angles = _breath(characters, life.clock)[:, None, None] * _OF_BREATH
     angles = angles + size[:, None, None] * _shift(life.clock)[:, None] * _OF_SHIFTS
-    turns = turn_about(share[:, None, None] * angles)
+    turns = matrix_from_rotvec(share[:, None, None] * angles)
     turned = orientations.index_copy(1, joints, orientations[:, joints] @ turns)
     seated = characters.settled * (1 - characters.past[:, -1, STYLE.start + LIE.column]).clamp(0.0, 1.0)
     turned = _shifted(figure, turned, seated * size, life)
@@ -143,7 +144,7 @@ def _shifted(figure: Figure, orientations: Tensor, size: Tensor, life: Life) -> 
     angles = size[:, None] * torch.stack([lean, turn, tilt], -1)
     first = figure.skeleton.index(_SPINE[0])
     trunk, carried = orientations[:, first], _carried(figure)
-    turn_of_all = trunk @ turn_about(angles) @ trunk.mT
+    turn_of_all = trunk @ matrix_from_rotvec(angles) @ trunk.mT
     return orientations.index_copy(1, carried, turn_of_all[:, None] @ orientations[:, carried])
 
 
@@ -166,7 +167,7 @@ def _looking(figure: Figure, orientations: Tensor, share: Tensor, gaze: Tensor, 
     joints = torch.tensor(figure.skeleton.indices(names))
     angles = torch.stack([pitch, yaw, torch.zeros_like(yaw)], -1)[:, None]
     shares = torch.tensor([part for _, part in _HEAD]).cumsum(0)[:, None]
-    return orientations.index_copy(1, joints, orientations[:, joints] @ turn_about(shares * angles))
+    return orientations.index_copy(1, joints, orientations[:, joints] @ matrix_from_rotvec(shares * angles))
 
 
 def _fidget(life: Life) -> Tensor:
@@ -199,9 +200,9 @@ def _hands_kept(figure: Figure, hips: Tensor, before: Tensor, after: Tensor, kep
     bent = shoulder + upper * (cosine * way + (1 - cosine.square()).clamp_min(0.0).sqrt() * side)
     turned = torch.stack(
         [
-            turn_between(elbow - shoulder, bent - shoulder) @ after[:, arms[:, 0]],
-            turn_between(wrist - elbow, shoulder + reach * way - bent) @ after[:, arms[:, 1]],
-            orthonormal(torch.lerp(six(after[:, arms[:, 2]]), six(before[:, arms[:, 2]]), kept)),
+            matrix_between(elbow - shoulder, bent - shoulder) @ after[:, arms[:, 0]],
+            matrix_between(wrist - elbow, shoulder + reach * way - bent) @ after[:, arms[:, 1]],
+            matrix_from_6d(torch.lerp(matrix_to_6d(after[:, arms[:, 2]]), matrix_to_6d(before[:, arms[:, 2]]), kept)),
         ],
         2,
     )

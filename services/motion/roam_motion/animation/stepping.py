@@ -10,10 +10,11 @@ import math
 from dataclasses import dataclass
 
 import torch
+from roam_character.matrices import unit
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.figure import Figure, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import of
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.proportions import leg_length, size

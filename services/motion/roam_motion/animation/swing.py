@@ -9,9 +9,10 @@ starts from; nobody who stands, sits or holds a pose is touched at all.
 from functools import cache
 
 import torch
+from roam_character.matrices import matrix_from_rotvec
 from torch import Tensor
 
-from roam_motion.animation.figure import Figure, turn_about
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import of
 from roam_motion.animation.state import Characters, strolling
 
@@ -71,5 +72,5 @@ def _yaw(across: Tensor) -> Tensor:
 
 def _turned(orientations: Tensor, joints: Tensor, angles: Tensor, axis: Tensor) -> Tensor:
     """World orientations with `joints` [K] turned by `angles` [B, K] about a world `axis` [3] or [B, 1, 3]."""
-    turns = turn_about(angles[..., None] * axis)
+    turns = matrix_from_rotvec(angles[..., None] * axis)
     return orientations.index_copy(1, joints, turns @ orientations[:, joints])

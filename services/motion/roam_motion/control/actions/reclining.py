@@ -15,12 +15,14 @@ from functools import lru_cache
 
 import numpy as np
 import torch
+from roam_character.kinematics import bent_joint
+from roam_character.matrices import matrix_from_6d, matrix_from_rotvec, matrix_to_6d, unit
 from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.actions import SIT
 from roam_motion.animation.collision import Furniture, furniture_of, goal_depths, keep_clear
-from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.proportions import size
 from roam_motion.control.seat import Seat, Transition
 
@@ -39,6 +41,8 @@ _ROUNDS = 6, 2  # of lifting legs, of clearing arms
 _SOFTNESS = 2  # samples over which lifts and turns are smoothed
 _ARM = (-0.45, -1.30), -0.95  # [rad] upper arm forward and down, elbow bent: hands over the thighs
 _LIES = 0.4  # share of the way from which one lies: the hips have left the edge
+_FOLDED = 0.15  # [m] from hip to ankle at the least, besides the bones' difference
+_STRAIGHT = 0.998  # share of a leg's length from hip to ankle at the most
 _STOOP = {"spine": 0.10, "chest": 0.08, "neck": 0.06}  # [rad] forward
 
 
@@ -144,10 +148,12 @@ def _orientations(figure: Figure, seat: Seat, place: _Place, hips: Tensor, share
     angle = math.atan2(float(place.aside[0]), float(place.aside[2])) + place.sense * (math.pi / 2) * _eased(
         share, 0.04, 0.62
     )
-    yaw = turn_about(angle[:, None] * torch.tensor([0.0, 1.0, 0.0]))
+    yaw = matrix_from_rotvec(angle[:, None] * torch.tensor([0.0, 1.0, 0.0]))
     pitch = torch.lerp(torch.tensor(_UPRIGHT), torch.tensor(_LEANT), _eased(share, 0.0, 0.4))
     pelvis = _between(
-        yaw @ turn_about(pitch[:, None] * torch.tensor([1.0, 0.0, 0.0])), lying[None, 0], _eased(share, 0.45, 1.0)
+        yaw @ matrix_from_rotvec(pitch[:, None] * torch.tensor([1.0, 0.0, 0.0])),
+        lying[None, 0],
+        _eased(share, 0.45, 1.0),
     )
     local = _between(_seated_rotations(figure)[None], figure.local(lying)[None], _eased(share, 0.3, 1.0)[:, None])
     local[:, 0] = pelvis
@@ -157,7 +163,7 @@ def _orientations(figure: Figure, seat: Seat, place: _Place, hips: Tensor, share
 
 def _between(start: Tensor, end: Tensor, share: Tensor) -> Tensor:
     """Rotations [..., 3, 3] that share of the way from one to another."""
-    return orthonormal(torch.lerp(six(start), six(end), share[..., None]))
+    return matrix_from_6d(torch.lerp(matrix_to_6d(start), matrix_to_6d(end), share[..., None]))
 
 
 def _seated_rotations(figure: Figure) -> Tensor:
@@ -165,12 +171,14 @@ def _seated_rotations(figure: Figure) -> Tensor:
     turns, names = torch.zeros(figure.joint_count, 3), figure.skeleton
     for name, angle in _STOOP.items():
         turns[names.index(name), 0] = angle
-    rotations = turn_about(turns)
+    rotations = matrix_from_rotvec(turns)
     (forward, down), bent = _ARM
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        swing = turn_about(torch.tensor([forward, 0.0, 0.0])) @ turn_about(torch.tensor([0.0, 0.0, sign * down]))
+        swing = matrix_from_rotvec(torch.tensor([forward, 0.0, 0.0])) @ matrix_from_rotvec(
+            torch.tensor([0.0, 0.0, sign * down])
+        )
         rotations[names.index(f"{side}UpperArm")] = swing
-        rotations[names.index(f"{side}LowerArm")] = turn_about(torch.tensor([0.0, sign * bent, 0.0]))
+        rotations[names.index(f"{side}LowerArm")] = matrix_from_rotvec(torch.tensor([0.0, sign * bent, 0.0]))
     return rotations
 
 
@@ -213,15 +221,13 @@ def _ankles(figure: Figure, seat: Seat, place: _Place, hips: Tensor, yaw: Tensor
 
 
 def _knees(figure: Figure, starts: Tensor, ankles: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
-    """Knees and ankles [N, 2, 3] that legs from `starts` have, bent towards `bend`."""
+    """Knees and ankles [N, 2, 3] that legs from `starts` have, bent towards `bend`, never straight."""
     upper, lower = figure.lengths[figure.legs[:, 1], None], figure.lengths[figure.legs[:, 2], None]
     way = ankles - starts
     reach = vector_norm(way, dim=-1, keepdim=True).clamp_min(1e-6)
-    way = way / reach
-    reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 0.15), 0.998 * (upper + lower))
-    cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
-    side = unit(bend - (bend * way).sum(-1, keepdim=True) * way)
-    return starts + upper * (cosine * way + (1 - cosine.square()).sqrt() * side), starts + reach * way
+    least, most = (upper - lower).abs() + _FOLDED, _STRAIGHT * (upper + lower)
+    ends = starts + way * (reach.maximum(least).minimum(most) / reach)
+    return bent_joint(starts, ends, (upper, lower), bend, straightest=_STRAIGHT), ends
 
 
 def _leg_bones(figure: Figure, starts: Tensor, ankles: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
@@ -271,9 +277,9 @@ def _cleared(figure: Figure, seat: Seat, place: _Place, hips: Tensor, orientatio
             _, orientations, _ = keep_clear(
                 figure, furniture, figure.positions(hips, orientations), orientations, torch.zeros(count)
             )
-    flat = six(orientations).flatten(1)
-    flat = torch.cat([flat[:-1], six(torch.from_numpy(seat.orientations)).flatten()[None]])
-    return orthonormal(_smoothed(flat).unflatten(1, (-1, 6)))
+    flat = matrix_to_6d(orientations).flatten(1)
+    flat = torch.cat([flat[:-1], matrix_to_6d(torch.from_numpy(seat.orientations)).flatten()[None]])
+    return matrix_from_6d(_smoothed(flat).unflatten(1, (-1, 6)))
 
 
 def _timed(figure: Figure, hips: Tensor, orientations: Tensor) -> tuple[Tensor, Tensor]:
@@ -291,5 +297,5 @@ def _timed(figure: Figure, hips: Tensor, orientations: Tensor) -> tuple[Tensor, 
     after = torch.searchsorted(needed, reached, right=True).clamp(1, len(needed) - 1)
     before = after - 1
     share = ((reached - needed[before]) / (needed[after] - needed[before]).clamp_min(1e-6)).clamp(0.0, 1.0)
-    axes = torch.lerp(six(orientations[before]), six(orientations[after]), share[:, None, None])
-    return torch.lerp(hips[before], hips[after], share[:, None]), orthonormal(axes)
+    axes = torch.lerp(matrix_to_6d(orientations[before]), matrix_to_6d(orientations[after]), share[:, None, None])
+    return torch.lerp(hips[before], hips[after], share[:, None]), matrix_from_6d(axes)
