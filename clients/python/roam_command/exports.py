@@ -98,7 +98,7 @@ def _furniture(path: Path, source: Path, object: Object) -> "Furniture | None":
 def furniture_of(source: Path, object: Object) -> "Furniture":
     """The object as its file has it: materials, normals, texture coordinates and hierarchy of a glTF file are kept,
     other meshes get normals, clouds stay points."""
-    from roam_character.formats.gltf_document import GltfDocument, GltfError
+    from roam_character.documents.gltf_document import GltfDocument, GltfError
     from roam_character.formats.scene import Furniture
 
     data, format = source.read_bytes(), format_of(source)

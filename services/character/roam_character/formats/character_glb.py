@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from roam_character.formats.gltf_document import GltfDocument, compose, decompose, node_matrix
+from roam_character.documents.gltf_document import GltfDocument, compose, decompose, node_matrix
 from roam_character.mesh import body_mesh
 from roam_character.retargeting.onto_rig import RigMotion
 from roam_character.retargeting.proportions import rest_positions

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from roam_character.clip import Clip
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.formats.character_glb import character_document
-from roam_character.formats.gltf_document import GltfDocument
 from roam_character.formats.registry import Format
 from roam_character.formats.scene import Furniture, Scene
 from roam_character.mesh import body_mesh, corner_normals, rest_origins
