@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
 import torch
 from roam_character.matrices import matrix_between, matrix_from_6d, matrix_from_rotvec, matrix_to_6d, unit
 from torch import Tensor
@@ -18,6 +19,7 @@ from torch.linalg import vector_norm
 from roam_motion.actions import IDLE, LIE
 from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import of
+from roam_motion.animation.rows import Shapes, row_width, split_tensor
 from roam_motion.animation.state import STYLE, Characters
 
 _BREATH = 3.9, 0.12  # [s], and how much a deviate of `breath` changes it: people breathe 12 to 20 times a minute
@@ -67,11 +69,24 @@ class Life:
 
     @staticmethod
     def of(rows: Tensor) -> "Life":
-        """From a row of numbers each [B, 8]."""
-        return Life(rows[:, 0], rows[:, 1:3], rows[:, 3], rows[:, 4:7], rows[:, 7])
+        """From a row of numbers each [B, WIDTH]."""
+        return Life(**split_tensor(rows, _SHAPES))
 
 
-WIDTH = 8  # numbers of `Life`
+_SHAPES: Shapes = {
+    "clock": (),
+    "hands": (2,),
+    "back": (),
+    "target": (3,),
+    "looks": (),
+}  # the order of life_row's numbers
+WIDTH = row_width(_SHAPES)  # numbers of `Life`
+
+
+def life_row(clock: float, resting: tuple[float, float, float], target: np.ndarray | None) -> np.ndarray:
+    """The row of numbers of one body [WIDTH]: `resting` are its hands and its back, `target` [3] what it looks at."""
+    looked_at = (0.0, 0.0, 0.0) if target is None else target
+    return np.array([clock, *resting, *looked_at, target is not None], np.float32)
 
 
 def stillness(characters: Characters) -> Tensor:

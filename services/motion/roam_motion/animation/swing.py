@@ -18,7 +18,7 @@ from roam_motion.animation.state import Characters, strolling
 
 # Measured on steady walking at 0.7 to 1.0 m/s, clips of the training set beside the network: deviations of 7.5 to 5.5
 # degrees of the arm, of 4.3 to 3.6 degrees of the shoulders' turn against the hips.
-# The second number is what a deviate of `arms` adds, chosen by hand within the range of captured arm swings.
+# The second number is what a deviate of `arms` adds, tuned by hand within the range of captured arm swings.
 _ARM, _TRUNK = (0.1, 0.25), (0.2, 0.2)  # shares of the swing that are added
 # Walking people carry elbows bent by 38 to 62 degrees and upper arms up to 15 degrees behind hanging; the network has
 # elbows at 22 to 27, upper arms 9 to 11 in front (`roam evaluate motion --people`).

@@ -5,8 +5,8 @@ legs come over an edge. So it walks up and sits down on the edge, which it does 
 once per goal: hips turn and scoot, legs are lifted over whatever is in their way, the trunk reclines. Every bone's and
 joint's speed is bounded, and the ends are eased. Getting up plays the same poses backwards.
 
-Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
-`roam evaluate motion` are measured with them.
+Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were tuned by hand on the lying approaches
+of `roam evaluate motion`.
 """
 
 import math
