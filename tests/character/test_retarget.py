@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from roam_character.clip import Clip
-from roam_character.formats.bvh import read_bvh
+from roam_character.documents.bvh import read_bvh
 from roam_character.retarget import RetargetError, retarget
 from roam_character.skeleton import Skeleton, humanoid_skeleton, load_skeleton
 

@@ -90,7 +90,7 @@ def test_the_character_sits_on_the_bundled_chair(sat: tuple[dict, Path]):
 
 
 def test_the_saved_files_agree(sat: tuple[dict, Path]):
-    from roam_character.formats.bvh import read_bvh
+    from roam_character.documents.bvh import read_bvh
 
     answer, folder = sat
     clip = read_bvh(folder / "sit.bvh")

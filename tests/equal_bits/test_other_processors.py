@@ -12,7 +12,7 @@ import pytest
 import torch
 
 TESTS = Path(__file__).parents[1]
-FILES = ("motion/test_equal_bits.py", "motion/animation/test_elementary.py", "goalpose/poses/test_sharing.py")
+FILES = ("motion/test_equal_bits.py", "character/test_elementary.py", "goalpose/poses/test_sharing.py")
 KINDS = [
     {"ATEN_CPU_CAPABILITY": "default", "MKL_ENABLE_INSTRUCTIONS": "SSE4_2", "ONEDNN_MAX_CPU_ISA": "SSE41"},
     {"ATEN_CPU_CAPABILITY": "avx2", "MKL_ENABLE_INSTRUCTIONS": "AVX2", "ONEDNN_MAX_CPU_ISA": "AVX2"},

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from roam_character.clip import Clip
-from roam_character.formats.bvh import write_bvh
+from roam_character.documents.bvh import write_bvh
 from roam_character.pose import rest_pose
 from roam_character.skeleton import humanoid_skeleton
 from roam_evaluation.motion.people import evaluate, performed, pictures

@@ -103,7 +103,7 @@ def furniture_of(source: Path, object: Object) -> "Furniture":
 
 def furniture_from(data: bytes, format: str, to_world: np.ndarray, *, folder: Path | None = None) -> "Furniture":
     """The same from a file's bytes; `to_world` [4, 4]. Buffers beside a .gltf are looked for in `folder`."""
-    from roam_character.formats.gltf_document import GltfDocument, GltfError
+    from roam_character.documents.gltf_document import GltfDocument, GltfError
     from roam_character.formats.scene import Furniture
 
     if format in ("glb", "gltf"):

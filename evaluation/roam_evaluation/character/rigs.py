@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from roam_character.documents.gltf_document import GltfDocument, decompose
 from roam_character.formats.glb import scene_document
-from roam_character.formats.gltf_document import GltfDocument, decompose
 from roam_character.formats.scene import Scene
 from roam_character.pose import Pose, rest_pose
 from roam_character.retargeting.onto_rig import onto_rig

@@ -25,8 +25,8 @@ from roam_evaluation.goalpose.inputs.cases import plain_case
 from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import run_case
 from roam_evaluation.goalpose.scores import summarise_variants
+from roam_evaluation.goalpose.study import run_study, shipped
 from roam_evaluation.shared.ledger import Ledger, Record
-from roam_evaluation.shared.study import run_study, shipped
 
 Change = Callable[[SolverConfig], SolverConfig]
 OUR_TERMS = tuple(term.name for term in TERMS.values() if term.published is None and term.weight)

@@ -27,8 +27,8 @@ from roam_evaluation.goalpose.inputs.cases import plain_case
 from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import run_case
 from roam_evaluation.goalpose.scores import summarise
+from roam_evaluation.goalpose.study import run_study, shipped
 from roam_evaluation.shared.ledger import Ledger, Record
-from roam_evaluation.shared.study import run_study, shipped
 
 POINTS = 4000  # of each surface
 CHANGES = ("root_translation_m", "root_orientation_deg", "joint_change_m")

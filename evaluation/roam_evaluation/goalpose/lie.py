@@ -23,8 +23,8 @@ from roam_evaluation.goalpose.figures.sheet import write_sheets
 from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.lying import ALONG, GAP, OFF_SEAT, LyingRun, judge_lying, lying_run_from
 from roam_evaluation.goalpose.scores import share, spread_of
+from roam_evaluation.goalpose.study import run_study, shipped
 from roam_evaluation.shared.ledger import Ledger, Record
-from roam_evaluation.shared.study import run_study, shipped
 
 KINDS = ("bed", "sofa", "lounger")
 

@@ -33,8 +33,8 @@ from roam_evaluation.goalpose.inputs.cases import (
 from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import Run, run_case
 from roam_evaluation.goalpose.scores import summarise_variants
+from roam_evaluation.goalpose.study import run_study, shipped
 from roam_evaluation.shared.ledger import Ledger, Record
-from roam_evaluation.shared.study import run_study, shipped
 
 HEADINGS = 12
 BACK, SIDE = math.pi, math.pi / 2  # [rad] in the canonical object's space

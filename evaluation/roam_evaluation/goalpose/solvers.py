@@ -25,8 +25,8 @@ from roam_evaluation.goalpose.inputs.cases import plain_case
 from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import Run, figure_of_pose, run_case, runs_from
 from roam_evaluation.goalpose.scores import figures
+from roam_evaluation.goalpose.study import run_study, shipped
 from roam_evaluation.shared.ledger import Ledger, Record
-from roam_evaluation.shared.study import run_study, shipped
 
 DEFAULT, PAPER_ENERGY, PAPER = "default", "default on the paper's energy", "paper"
 OURS, PUBLISHED = "our energy", "the paper's energy"

@@ -29,8 +29,8 @@ from roam_evaluation.goalpose.inputs.cases import plain_case, turned_case
 from roam_evaluation.goalpose.inputs.objects import EvaluationObject, add_object_options, chosen_objects
 from roam_evaluation.goalpose.runs import run_case
 from roam_evaluation.goalpose.scores import summarise
+from roam_evaluation.goalpose.study import run_study
 from roam_evaluation.shared.ledger import Ledger, Record
-from roam_evaluation.shared.study import run_study
 
 STUDIES = ("robustness", "distance", "ablation", "solvers", "physics", "lie", "categories")
 

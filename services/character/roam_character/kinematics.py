@@ -106,8 +106,8 @@ def two_bone_ik(
     la, lb = _norm(a), _norm(b)
     reach = _norm(target - start)
     reach = xp.minimum(xp.maximum(reach, xp.abs(la - lb) + 1e-4), (la + lb) * 0.9999)
-    wanted = _knee_angle(la, lb, reach)
-    now = _knee_angle(la, lb, xp.minimum(_norm(end - start), (la + lb) * 0.9999))
+    wanted = xp.acos(_cosine(la, lb, reach))
+    now = xp.acos(_cosine(la, lb, xp.minimum(_norm(end - start), (la + lb) * 0.9999)))
     # The bones' own plane, eased into the plane of `bend` where they are nearly in line: the knee cannot flip over.
     forward = like([0.0, 0.0, 1.0], start) if bend is None else bend
     forward = xp.broadcast_to(forward, a.shape)
@@ -135,8 +135,7 @@ def bent_joint(
     reach = _norm(way)
     way = way / reach
     reach = xp.minimum(xp.maximum(reach, xp.abs(upper - lower) + 1e-4), (upper + lower) * straightest)
-    cosine = (upper * upper + reach * reach - lower * lower) / (2 * upper * reach)
-    cosine = xp.minimum(xp.maximum(cosine, -1 + 0 * cosine), 1 + 0 * cosine)
+    cosine = _cosine(upper, reach, lower)
     across = vec_normalize(side - xp.sum(side * way, axis=-1, keepdims=True) * way)
     return start + upper * (cosine * way + xp.sqrt(xp.maximum(1 - cosine * cosine, 0 * cosine)) * across)
 
@@ -146,11 +145,11 @@ def _norm(v: Array) -> Array:
     return xp.sqrt(xp.sum(v * v, axis=-1, keepdims=True) + 1e-12)
 
 
-def _knee_angle(la: Array, lb: Array, reach: Array) -> Array:
-    """Interior angle [rad] at the middle joint for a start-to-end distance (law of cosines)."""
-    xp = namespace(la)
-    cosine = (la * la + lb * lb - reach * reach) / (2 * la * lb)
-    return xp.acos(xp.minimum(xp.maximum(cosine, -1 + 1e-7 + 0 * cosine), 1 - 1e-7 + 0 * cosine))
+def _cosine(a: Array, b: Array, opposite: Array) -> Array:
+    """Of the angle between two sides of a triangle (law of cosines); within ±1, where acos has a slope."""
+    xp = namespace(a)
+    cosine = (a * a + b * b - opposite * opposite) / (2 * a * b)
+    return xp.minimum(xp.maximum(cosine, -1 + 1e-7 + 0 * cosine), 1 - 1e-7 + 0 * cosine)
 
 
 def reach_with_limb(

@@ -35,6 +35,23 @@ def _squares() -> tuple[tuple[float, ...], ...]:
 _SQUARES = _squares()
 
 
+def _shepperd() -> tuple[tuple[float, ...], ...]:
+    """[9, 16]: a matrix's entries times this, plus `_ONES`, are its quaternion times 4 x, times 4 y, 4 z and 4 w."""
+    parts = [[0.0] * 16 for _ in range(9)]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for row in range(4):  # the squares on the diagonal: 1 + m_ii - m_jj - m_kk, and 1 + the trace
+            parts[4 * i][5 * row] = 1.0 if row in (i, 3) else -1.0
+        for entry, sign in ((3 * k + j, 1.0), (3 * j + k, -1.0)):  # m_kj - m_jk is 4 q_i w
+            parts[entry][4 * i + 3] = parts[entry][12 + i] = sign
+            parts[entry][4 * j + k] = parts[entry][4 * k + j] = 1.0
+    return tuple(tuple(row) for row in parts)
+
+
+_SHEPPERD = _shepperd()
+_ONES = tuple(tuple(1.0 if i == j else 0.0 for j in range(4)) for i in range(4))
+
+
 def _last(x: Any, i: int) -> Any:
     return x[..., i : i + 1]
 
@@ -115,31 +132,28 @@ def quat_to_rotvec(q: Array) -> Array:
     return q[..., :3] * (angle / sine)
 
 
-def quat_from_axes(x: Array, y: Array, z: Array) -> Array:
-    """Quaternions of the rotation matrix with these columns. Three [..., 3] -> [..., 4]."""
-    xp = namespace(x)
-    m00, m10, m20 = x[..., 0], x[..., 1], x[..., 2]
-    m01, m11, m21 = y[..., 0], y[..., 1], y[..., 2]
-    m02, m12, m22 = z[..., 0], z[..., 1], z[..., 2]
-    # Four exact formulas, each good where its own component is large; take the largest (Shepperd's method).
-    squares = [1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22]
-    rows = [
-        [squares[0], m01 + m10, m02 + m20, m21 - m12],
-        [m01 + m10, squares[1], m12 + m21, m02 - m20],
-        [m02 + m20, m12 + m21, squares[2], m10 - m01],
-        [m21 - m12, m02 - m20, m10 - m01, squares[3]],
-    ]
-    best, largest = xp.stack(rows[0], axis=-1), squares[0]
-    for row, square in zip(rows[1:], squares[1:], strict=True):
-        better = square > largest
-        best = xp.where(better[..., None], xp.stack(row, axis=-1), best)
-        largest = xp.where(better, square, largest)
+def quat_from_matrix(m: Array) -> Array:
+    """Rotation matrices [..., 3, 3] -> [..., 4].
+
+    Shepperd's method ("Quaternion from rotation matrix", 1978): four exact formulas, each good where its own component
+    is large; one product gives all four, and the one with the largest component is taken.
+    """
+    xp = namespace(m)
+    entries: Any = xp.reshape(m, (*m.shape[:-2], 9))
+    formulas: Any = constant(_SHEPPERD, m)
+    # Broadcast, so that the product of one posture has the same bits in every batch.
+    formulas = xp.broadcast_to(formulas, (*entries.shape[:-2], *formulas.shape))
+    rows = xp.reshape(entries @ formulas, (*m.shape[:-2], 4, 4)) + constant(_ONES, m)
+    best, largest = rows[..., 0, :], rows[..., 0, :1]
+    for i in range(1, 4):
+        own = rows[..., i, i : i + 1]
+        best, largest = xp.where(own > largest, rows[..., i, :], best), xp.maximum(own, largest)
     return quat_normalize(best)
 
 
-def quat_from_matrix(m: Array) -> Array:
-    """Rotation matrices [..., 3, 3] -> [..., 4]."""
-    return quat_from_axes(m[..., 0], m[..., 1], m[..., 2])
+def quat_from_axes(x: Array, y: Array, z: Array) -> Array:
+    """Quaternions of the rotation matrix with these columns. Three [..., 3] -> [..., 4]."""
+    return quat_from_matrix(namespace(x).stack([x, y, z], axis=-1))
 
 
 def quat_to_matrix(q: Array) -> Array:

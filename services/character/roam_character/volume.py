@@ -12,6 +12,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from roam_character.distance import DistanceGrid, turn_about_y
+
 STEP = 0.0025  # [m] of distance
 MOST_NODES = 200_000
 _HEAD = struct.Struct("<3f2d3I")  # origin, pitch, yaw, nodes
@@ -37,6 +39,12 @@ class Volume:
     def moved(self, offset: npt.NDArray[np.floating]) -> "Volume":
         """The same object elsewhere, `offset` [3] [m]."""
         return replace(self, origin=(self.origin + offset).astype(np.float32))
+
+    @cached_property
+    def grid(self) -> DistanceGrid:
+        """The same distances in metres, to be looked up between nodes."""
+        origin = self.origin.astype(np.float64) @ turn_about_y(self.yaw)
+        return DistanceGrid(origin, self.pitch, self.values.astype(np.float32) * np.float32(STEP), self.yaw)
 
     @cached_property
     def packed(self) -> bytes:

@@ -19,7 +19,7 @@ from roam_motion.animation.collision import Furniture, furniture_of, near
 from roam_motion.animation.figure import CONTACT_JOINTS, Figure, humanoid_figure
 from roam_motion.animation.manner import drawn
 from roam_motion.animation.rows import split_array
-from roam_motion.animation.shown.living import WIDTH as LIFE
+from roam_motion.animation.shown.living import life_row
 from roam_motion.animation.state import FUTURE, PAST, Characters, shapes_of
 from roam_motion.control.actions import transition
 from roam_motion.control.controller import INTERACT, Body, Control, control
@@ -231,15 +231,12 @@ def _frames(figure: Figure, shown: Shown, memories: Sequence[Control]) -> list[F
 
 
 def _life(figure: Figure, memories: Sequence[Control], intents: Sequence[Intent]) -> np.ndarray:
-    """What the living idle is told: a row of `Life` for every character [B, 8]."""
-    rows = np.zeros((len(memories), LIFE), np.float32)
-    for row, memory, intent in zip(rows, memories, intents, strict=True):
-        row[0] = memory.clock
-        if memory.mode == INTERACT and memory.seat is not None:
-            row[1:4] = resting(figure, memory.seat)
-        if intent.look_at is not None:
-            row[4:7], row[7] = intent.look_at, 1
-    return rows
+    """What the living idle is told: a row of `Life` for every character [B, D]."""
+    rows = []
+    for memory, intent in zip(memories, intents, strict=True):
+        seat = memory.seat if memory.mode == INTERACT else None
+        rows.append(life_row(memory.clock, resting(figure, seat) if seat else (0.0, 0.0, 0.0), intent.look_at))
+    return np.stack(rows)
 
 
 def _told(

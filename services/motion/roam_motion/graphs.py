@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from roam_character.tensors.torchscript import frozen, running
 from torch import Tensor
 
 from roam_motion.animation.advance import Proposal, cleared, propose, settle
@@ -23,7 +24,6 @@ from roam_motion.animation.shown.living import WIDTH as LIFE
 from roam_motion.animation.shown.living import Life, alive, gazed
 from roam_motion.animation.shown.swing import swinging, walking
 from roam_motion.animation.state import ROOT, STYLE, Characters, characters_width
-from roam_motion.animation.torchscript import frozen, running
 
 _EXAMPLES = 2  # characters that the graphs are traced with; they hold for any number
 _SNORM16 = 32767

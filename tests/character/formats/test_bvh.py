@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from roam_character.formats.bvh import BvhError, read_bvh, write_bvh
+from roam_character.documents.bvh import BvhError, read_bvh, write_bvh
 
 
 def test_round_trip(clip, tmp_path):

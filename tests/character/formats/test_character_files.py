@@ -11,9 +11,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "rigs"))
 
 from rig_maker import BASE, character, named
 from roam_character.clip import Clip
+from roam_character.documents.bvh import read_bvh
+from roam_character.documents.gltf_document import GltfDocument, compose, parents_first
 from roam_character.formats import registry
-from roam_character.formats.bvh import read_bvh
-from roam_character.formats.gltf_document import GltfDocument, compose, parents_first
 from roam_character.formats.scene import Scene
 from roam_character.retargeting.onto_rig import onto_rig
 from roam_character.retargeting.proportions import fit

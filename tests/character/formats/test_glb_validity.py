@@ -4,8 +4,8 @@ import json
 import struct
 
 import numpy as np
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.formats.glb import glb_bytes, mesh_document, scene_document
-from roam_character.formats.gltf_document import GltfDocument
 from roam_character.formats.scene import Furniture, Scene
 
 _SCRIPT = """

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from rig_maker import character
-from roam_character.formats.gltf_document import GltfDocument
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.rigs.reading import read_rig
 from roam_character.rigs.rig import Rig
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from roam_character.formats.gltf_document import GltfDocument, compose, decompose
+from roam_character.documents.gltf_document import GltfDocument, compose, decompose
 from roam_character.rotation import quat_from_rotvec, quat_mul, quat_normalize, quat_rotate
 from roam_character.skeleton import humanoid_skeleton
 

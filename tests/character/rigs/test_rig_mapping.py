@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rig_maker import BASE, FAMILIES, character, named
-from roam_character.formats.gltf_document import GltfDocument
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.rigs.mapping import map_bones, read_map
 from roam_character.rigs.rig import RigError
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rig_maker import BASE, character, named
 from roam_character.clip import Clip
+from roam_character.documents.bvh import write_bvh
 from roam_character.formats import registry
-from roam_character.formats.bvh import write_bvh
 from roam_character.formats.scene import Scene
 from roam_character.retargeting.onto_rig import onto_rig
 from roam_character.retargeting.proportions import fit

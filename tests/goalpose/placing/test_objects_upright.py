@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 import trimesh
 from box_furniture import box, box_chair, box_sofa
+from roam_goalpose.objects.geometry import triangle_areas
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.placing.upright import choose_up, upright_score
 from roam_goalpose.objects.placing.upright_fit import accuracy, fit, fit_weights
 from roam_goalpose.objects.reading import read_geometry
-from roam_goalpose.objects.surfaces.sampling import sample_triangles, shuffled_subset, triangle_areas
+from roam_goalpose.objects.surfaces.sampling import sample_triangles, shuffled_subset
 from roam_goalpose.objects.surfaces.surface import local_normals
 
 # file axes in which the object's own +Y is called z, facing any of the four ways

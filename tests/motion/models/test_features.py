@@ -1,5 +1,5 @@
 import torch
-from roam_motion.animation.figure import orthonormal
+from roam_character.matrices import matrix_from_6d
 from roam_motion.animation.prediction import goal_orientations, world_axes
 from roam_motion.animation.state import Characters
 from roam_motion.models.lnsm.config import network_config
@@ -52,7 +52,7 @@ def test_targets_come_back_through_decode():
     goals = goals_at(seated_pose(), 2, active=True)
     _, positions, root = encoded(figure, characters, goals)
     generator = torch.Generator().manual_seed(1)
-    orientations = orthonormal(torch.randn(1, figure.joint_count, 6, generator=generator))
+    orientations = matrix_from_6d(torch.randn(1, figure.joint_count, 6, generator=generator))
     target = Targets(
         positions + 0.05,
         orientations,
@@ -62,7 +62,7 @@ def test_targets_come_back_through_decode():
     )
     answer = decode(encode_targets(figure, characters, goals, positions, root, target), characters, positions, root)
     torch.testing.assert_close(root.points_out(answer.positions), target.positions, atol=1e-5, rtol=0)
-    torch.testing.assert_close(orthonormal(world_axes(root, answer.axes)), orientations, atol=1e-4, rtol=0)
+    torch.testing.assert_close(matrix_from_6d(world_axes(root, answer.axes)), orientations, atol=1e-4, rtol=0)
     torch.testing.assert_close(goal_orientations(goals, answer.inverse_axes), orientations, atol=1e-4, rtol=0)
     inverse = goals.pose_positions + figure.frame(goals.pose_positions).turn_out(answer.inverse_positions)
     torch.testing.assert_close(inverse, target.positions, atol=1e-5, rtol=0)

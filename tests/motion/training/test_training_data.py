@@ -5,7 +5,7 @@ import pytest
 import torch
 from leaning import leaning_clip
 from roam_character.clip import Clip
-from roam_character.formats.bvh import write_bvh
+from roam_character.documents.bvh import write_bvh
 from roam_character.skeleton import humanoid_skeleton
 from roam_motion.actions import STYLES
 from roam_motion.animation.figure import humanoid_figure

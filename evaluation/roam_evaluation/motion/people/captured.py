@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roam_character import retarget as retargeting
-from roam_character.formats.bvh import read_bvh
+from roam_character.documents.bvh import read_bvh
 from roam_character.retarget import RetargetError, retarget
 
 from roam_evaluation.motion.people.frames import RATE, SKELETON, Motion, Stretch

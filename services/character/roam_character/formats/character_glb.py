@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from roam_character.documents.gltf_document import GltfDocument, compose, decompose, node_matrix
 from roam_character.figure.person import figure_mesh
 from roam_character.formats.figure_gltf import figure_primitives
-from roam_character.formats.gltf_document import GltfDocument, compose, decompose, node_matrix
 from roam_character.retargeting.onto_rig import RigMotion
 from roam_character.retargeting.proportions import rest_positions
 

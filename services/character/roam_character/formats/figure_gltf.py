@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.figure.person import FigureMesh
-from roam_character.formats.gltf_document import GltfDocument
 
 
 def figure_primitives(

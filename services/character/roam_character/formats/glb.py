@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from roam_character.clip import Clip
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.figure.person import figure_mesh
 from roam_character.formats.character_glb import character_document
 from roam_character.formats.figure_gltf import figure_primitives
-from roam_character.formats.gltf_document import GltfDocument
 from roam_character.formats.registry import Format
 from roam_character.formats.scene import Furniture, Scene
 from roam_character.mesh import corner_normals, rest_origins

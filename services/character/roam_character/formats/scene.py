@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from roam_character.clip import Clip
-from roam_character.formats.gltf_document import GltfDocument
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.pose import Pose
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roam_character.formats.gltf_document import GltfDocument, GltfError, decompose, node_matrix, parents_first
+from roam_character.documents.gltf_document import GltfDocument, GltfError, decompose, node_matrix, parents_first
 from roam_character.formats.registry import Format
 from roam_character.formats.scene import Furniture, Scene
 
@@ -110,7 +110,7 @@ def _skeletal(scene: Scene) -> tuple[GltfDocument, list[int], tuple[np.ndarray, 
 
 
 def _composed(place: np.ndarray, turn: np.ndarray, size: np.ndarray) -> np.ndarray:
-    from roam_character.formats.gltf_document import compose
+    from roam_character.documents.gltf_document import compose
 
     return compose(place, turn, size)
 

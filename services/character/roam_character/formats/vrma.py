@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from roam_character.clip import Clip
-from roam_character.formats.gltf_document import GltfDocument
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.formats.registry import Format
 from roam_character.formats.scene import Scene
 from roam_character.retargeting.onto_rig import RigMotion, continuous

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from roam_character.clip import Clip
-from roam_character.formats.gltf_document import compose, decompose, node_matrix
+from roam_character.documents.gltf_document import compose, decompose, node_matrix
 from roam_character.pose import Pose
 from roam_character.retargeting.proportions import Fit
 from roam_character.rigs.words import words_of

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roam_character.formats.gltf_document import GltfError, decompose
+from roam_character.documents.gltf_document import GltfError, decompose
 from roam_character.rigs.mapping import BoneMap
 from roam_character.rigs.rig import HUMANOID_BONES, Rig, RigError
 from roam_character.rotation import quat_between, quat_from_matrix, quat_mul, quat_normalize, quat_rotate

@@ -7,7 +7,7 @@ body, so that its place follows from rotations alone, whatever the rig's tree is
 import numpy as np
 
 from roam_character.clip import Clip
-from roam_character.formats.gltf_document import decompose
+from roam_character.documents.gltf_document import decompose
 from roam_character.retargeting.onto_rig import RigMotion
 from roam_character.retargeting.proportions import parent_bone, rest_positions
 from roam_character.rigs.rig import HUMANOID_BONES

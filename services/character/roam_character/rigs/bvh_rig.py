@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from roam_character.formats.bvh import BvhError, read_bvh
-from roam_character.formats.gltf_document import GltfDocument
+from roam_character.documents.bvh import BvhError, read_bvh
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.rigs.rig import Rig, RigError, rig_of_document
 
 NO_MESH = "the file holds a skeleton and no mesh; GLB and USD show a plain body on it"

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roam_character.formats.gltf_document import GltfDocument, decompose
+from roam_character.documents.gltf_document import GltfDocument, decompose
 
 
 def fbx_document(path: Path) -> GltfDocument:

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from roam_character.formats.gltf_document import GltfDocument, GltfError
+from roam_character.documents.gltf_document import GltfDocument, GltfError
 from roam_character.rigs.bvh_rig import read_bvh_rig
 from roam_character.rigs.rig import Rig, RigError, rig_of_document
 

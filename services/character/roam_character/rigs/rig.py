@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from roam_character.formats.gltf_document import GltfDocument, GltfError, node_matrix, parents_first
+from roam_character.documents.gltf_document import GltfDocument, GltfError, node_matrix, parents_first
 
 HUMANOID_BONES = (
     "hips", "spine", "chest", "upperChest", "neck", "head",

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from roam_character.formats.gltf_document import GltfDocument, decompose
+from roam_character.documents.gltf_document import GltfDocument, decompose
 
 
 def usd_document(path: Path) -> GltfDocument:

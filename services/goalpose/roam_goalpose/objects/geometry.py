@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from roam_goalpose.objects.arrays import Array, Indices
 from roam_goalpose.objects.shape import ShapeWarning
-from roam_goalpose.objects.surfaces.sampling import triangle_areas
 
 __all__ = ["Array", "Geometry", "Indices", "Part", "join"]
 
@@ -94,3 +93,16 @@ def join(parts: Sequence[Part]) -> Geometry:
         part=np.repeat(np.arange(len(meshes)), [len(one) for one in faces]),
         names=tuple(part.name for part in meshes),
     )
+
+
+def triangle_areas(triangles: Array) -> Array:
+    """Areas `[F]` of triangles `[F, 3, 3]`."""
+    vectors = area_vectors(triangles)
+    return 0.5 * np.sqrt(np.einsum("fi,fi->f", vectors, vectors))
+
+
+def area_vectors(triangles: Array) -> Array:
+    a, b = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
+    x = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    y = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    return np.stack([x, y, a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]], axis=1)  # np.cross takes twice as long

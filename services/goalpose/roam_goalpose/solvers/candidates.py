@@ -11,7 +11,8 @@ from roam_goalpose.energy.figure import Figure, figure_concat, figure_where
 
 TOO_DEEP, SUNK = 0.03, 30.0  # [m], [1/m]: a capsule a centimetre deeper than this counts as much as 0.3 of energy
 # Of poses as good as each other, as on a stool or a bench, always the same one, whichever way the upload stands: the
-# one that faces the object's own front, and of two beside its middle that on the left. Rounding moves energies by 0.003.
+# one that faces the object's own front, and of two beside its middle that on the left. Rounding moves energies
+# by 0.003.
 AHEAD = 0.02  # that facing to the side costs; facing backwards twice as much
 ASIDE = 0.02  # [1/m] that places farther to the right cost
 

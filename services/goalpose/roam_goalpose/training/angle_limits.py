@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import torch
-from roam_character.formats.bvh import read_bvh
+from roam_character.documents.bvh import read_bvh
 from roam_character.retarget import retarget
 from roam_character.skeleton import Skeleton, humanoid_skeleton
 

@@ -8,11 +8,12 @@ lambda = action value x (1 - 1 / (1 + exp(-20 (d - 0.25)))) interpolates positio
 from dataclasses import dataclass
 
 import torch
+from roam_character.matrices import matrix_from_6d, matrix_to_6d, unit
+from roam_character.tensors.elementary import arccosine, exponential, sigmoid
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.elementary import arccosine, exponential, sigmoid
-from roam_motion.animation.figure import Figure, Frame, orthonormal, six, unit
+from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.prediction import Goals, Prediction, goal_orientations, world_axes
 from roam_motion.animation.state import FUTURE, Characters
 
@@ -83,14 +84,14 @@ def blend_pose(
     rest = answer.inverse_axes.new_tensor([0.0, 0.0, 1.0, 0.0, 1.0, 0.0])
     w = weight[:, None, None]
     away = answer.inverse_positions * _homing(answer.inverse_positions, before - goals.pose_positions, w, _STRAY)
-    here = six(goals.pose_orientations.transpose(-1, -2) @ characters.orientations)
+    here = matrix_to_6d(goals.pose_orientations.transpose(-1, -2) @ characters.orientations)
     turn = answer.inverse_axes - rest
     turn = turn * _homing(turn, here - rest, w, _TWIST)
     inverse = goals.pose_positions + facing.turn_out(away * own)
-    turned = six(goal_orientations(goals, rest + turn * own))
+    turned = matrix_to_6d(goal_orientations(goals, rest + turn * own))
     positions = torch.lerp(root.points_out(answer.positions), inverse, w)
     axes = torch.lerp(world_axes(root, answer.axes), turned, w)
-    return positions, orthonormal(axes)
+    return positions, matrix_from_6d(axes)
 
 
 def _homing(answered: Tensor, present: Tensor, weight: Tensor, slack: float) -> Tensor:
@@ -111,7 +112,9 @@ def limit_turns(figure: Figure, before: Tensor, wanted: Tensor, active: Tensor, 
     walking[figure.legs.flatten()] = _FASTEST_LEG
     most = hurry * torch.where(active[:, None] > 0.5, _FASTEST_TURN[1], walking)
     share = (most / angle).clamp_max(1.0)[..., None]
-    return torch.where(share[..., None] < 1, orthonormal(torch.lerp(six(before), six(wanted), share)), wanted)
+    return torch.where(
+        share[..., None] < 1, matrix_from_6d(torch.lerp(matrix_to_6d(before), matrix_to_6d(wanted), share)), wanted
+    )
 
 
 def blend_trajectory(answer: Prediction, root: Frame, facing: Frame, goals: Goals) -> Tensor:

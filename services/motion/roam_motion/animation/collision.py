@@ -11,12 +11,14 @@ from functools import cache
 import numpy as np
 import torch
 from roam_character.body import body_capsules
+from roam_character.distance import DistanceGrids
+from roam_character.matrices import matrix_between, unit
 from roam_character.skeleton import Skeleton
-from roam_character.volume import STEP, Volume
+from roam_character.volume import Volume
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.figure import Figure, turn_between, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.proportions import size
 
 _SKIN = 0.011  # [m] kept between body and furniture: the grid rounds thin parts off
@@ -82,62 +84,25 @@ def _carried(skeleton: Skeleton, name: str) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class Furniture:
-    """The volumes of B characters as tensors, one behind the other."""
+    """What B characters keep out of."""
 
-    values: Tensor  # [N] [m]
-    start: Tensor  # [B] where each one's values begin
-    size: Tensor  # [B, 3]
-    origin: Tensor  # [B, 3] [m]
-    pitch: Tensor  # [B] [m]
-    axes: Tensor  # [B, 3, 3] row vectors of the grid times this are in the world
+    grids: DistanceGrids  # of their volumes
     allowed: Tensor  # [B, P] depth of every sample that the goal pose itself has [m]
     walked_round: Tensor  # [B] 1, or 0 where one lies down: feet and back go onto such furniture
 
     def distance(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Signed distance [B, P] [m] and its gradient [B, P, 3] at `points` [B, P, 3], interpolated between nodes."""
-        pitch = self.pitch[:, None, None]
-        local = (points - self.origin[:, None]) @ self.axes.transpose(-1, -2) / pitch
-        last = (self.size - 1)[:, None].to(local)
-        inside = torch.minimum(local.clamp_min(0.0), last)
-        cell = torch.minimum(inside.floor(), last - 1)
-        u, v, w = (inside - cell).unbind(-1)
-        rows, layers = self.size[:, 2:], self.size[:, 1:2] * self.size[:, 2:]
-        x, y, z = cell.long().unbind(-1)
-        first = self.start[:, None] + x * layers + y * rows + z
-        corners = [first, first + rows, first + layers, first + layers + rows]
-        ends = [(self.values[i], self.values[i + 1]) for i in corners]
-        a, b, c, d = (torch.lerp(start, end, w) for start, end in ends)
-        p, q, r, s = (end - start for start, end in ends)  # along w
-        near, far = torch.lerp(a, b, v), torch.lerp(c, d, v)
-        low, high = torch.lerp(p, q, v), torch.lerp(r, s, v)
-        slope = torch.stack([far - near, torch.lerp(b - a, d - c, u), torch.lerp(low, high, u)], -1) / pitch
-        beyond = (local - inside) * pitch
-        outside = vector_norm(beyond, dim=-1)
-        slope = torch.where(outside[..., None] > 1e-6, beyond / outside.clamp_min(1e-6)[..., None], slope)
-        return torch.lerp(near, far, u) + outside, slope @ self.axes
+        """Signed distance [B, P] [m] and its gradient [B, P, 3] at `points` [B, P, 3] [m]."""
+        return self.grids.tangent(points)
 
     def of(self, rows: Tensor) -> "Furniture":
         """That of some of the characters."""
-        parts = (self.start, self.size, self.origin, self.pitch, self.axes, self.allowed, self.walked_round)
-        return Furniture(self.values, *(part[rows] for part in parts))
+        return Furniture(self.grids.of_rows(rows), self.allowed[rows], self.walked_round[rows])
 
 
 def furniture_of(volumes: list[Volume], allowed: list[np.ndarray], onto: list[bool]) -> Furniture:
-    """The volumes of B characters, who bring feet and back `onto` them or not; the same volume is kept once."""
-    distinct = {id(volume): volume for volume in volumes}
-    starts, count = {}, 0
-    for key, volume in distinct.items():
-        starts[key] = count
-        count += volume.values.size
-    turns = [(np.cos(volume.yaw), np.sin(volume.yaw)) for volume in volumes]
-    values = np.concatenate([volume.values.ravel() for volume in distinct.values()])
+    """The volumes of B characters, who bring feet and back `onto` them or not."""
     return Furniture(
-        values=torch.from_numpy(values).float() * STEP,
-        start=torch.tensor([starts[id(volume)] for volume in volumes]),
-        size=torch.tensor([volume.values.shape for volume in volumes]),
-        origin=torch.from_numpy(np.stack([volume.origin for volume in volumes])),
-        pitch=torch.tensor([volume.pitch for volume in volumes], dtype=torch.float32),
-        axes=torch.tensor([[[c, 0, -s], [0, 1, 0], [s, 0, c]] for c, s in turns], dtype=torch.float32),
+        grids=DistanceGrids.of([volume.grid for volume in volumes]),
         allowed=torch.from_numpy(np.stack(allowed)),
         walked_round=1.0 - torch.tensor(onto, dtype=torch.float32),
     )
@@ -242,7 +207,7 @@ def _trunk_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientati
     push = push.sum(1) / depth.sum(1, keepdim=True).clamp_min(1e-6)
     push = push * (_FASTEST[1] / vector_norm(push, dim=-1, keepdim=True).clamp_min(1e-6)).clamp_max(1.0)
     arm = joints[:, limbs.trunk[1]] - joints[:, 0]
-    turn = turn_between(arm, arm + weight[:, None] * push)
+    turn = matrix_between(arm, arm + weight[:, None] * push)
     turned = orientations.clone()
     turned[:, limbs.upper] = turn[:, None] @ orientations[:, limbs.upper]
     return turned
@@ -264,8 +229,8 @@ def _arms_cleared(furniture: Furniture, limbs: Limbs, joints: Tensor, orientatio
     far = vector_norm(torch.stack([elbow, wrist], 2) - arms[:, :, 1:], dim=-1).amax(-1, keepdim=True)
     share = (_FASTEST[0] / far.clamp_min(1e-6)).clamp_max(1.0)
     elbow, wrist = torch.lerp(arms[:, :, 1], elbow, share), torch.lerp(arms[:, :, 2], wrist, share)
-    upper = turn_between(arms[:, :, 1] - shoulder, elbow - shoulder)
-    lower = turn_between(arms[:, :, 2] - arms[:, :, 1], wrist - elbow)
+    upper = matrix_between(arms[:, :, 1] - shoulder, elbow - shoulder)
+    lower = matrix_between(arms[:, :, 2] - arms[:, :, 1], wrist - elbow)
     turned = orientations.clone()
     turned[:, limbs.arms] = torch.stack([upper, lower, lower], 2) @ orientations[:, limbs.arms]
     return turned

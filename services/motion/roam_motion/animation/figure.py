@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import torch
+from roam_character.matrices import unit
+from roam_character.rotation import quat_from_matrix
 from roam_character.skeleton import Skeleton, humanoid_skeleton
 from torch import Tensor
-
-from roam_motion.animation.elementary import sinc
 
 CONTACT_JOINTS = ("leftFoot", "leftToes", "rightFoot", "rightToes")
 _LEGS = (
@@ -28,8 +28,6 @@ _SPACE = torch.tensor([[0.0, 0, 1, 0, 0, 0, -1, 0, 0], [1.0, 0, 0, 0, 0, 0, 0, 0
 _UPRIGHT = torch.tensor([0.0, 0, 0, 0, 1, 0, 0, 0, 0])
 _LEVEL = torch.tensor([[1.0, 0, 0], [0, 0, 1]])
 _ASIDE = torch.tensor([[0.0, -1.0], [1.0, 0.0]])
-_SKEW = torch.tensor([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]])
-_IDENTITY = torch.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +84,7 @@ class Figure:
 
     def rotations(self, world: Tensor) -> Tensor:
         """World orientations to local unit quaternions xyzw. [B, J, 3, 3] -> [B, J, 4]."""
-        return quaternions(self.local(world))
+        return quat_from_matrix(self.local(world))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,84 +132,16 @@ class Frame:
         return self.turn_out(points) + origin
 
 
-def unit(vectors: Tensor) -> Tensor:
-    """Vectors scaled to length 1; those shorter than a micrometre stay short. [..., N] -> [..., N]."""
-    return vectors / torch.linalg.vector_norm(vectors, dim=-1, keepdim=True).clamp_min(1e-6)
-
-
-def six(orientations: Tensor) -> Tensor:
-    """Forward axis (image of +Z) then up axis (image of +Y). [..., 3, 3] -> [..., 6]."""
-    return torch.cat([orientations[..., 2], orientations[..., 1]], -1)
-
-
-def orthonormal(axes: Tensor) -> Tensor:
-    """The rotation matrix nearest in spirit to a forward and an up axis: forward kept, up made square. [..., 6] ->
-    [..., 3, 3]."""
-    z = unit(axes[..., :3])
-    x = unit(torch.linalg.cross(axes[..., 3:], z, dim=-1))
-    return torch.stack([x, torch.linalg.cross(z, x, dim=-1), z], -1)
-
-
-def turn_between(u: Tensor, v: Tensor) -> Tensor:
-    """The smallest rotation that turns direction `u` into `v` (not for opposite ones). [..., 3] -> [..., 3, 3]."""
-    u, v = unit(u), unit(v)
-    skew, cosine = _skew(torch.linalg.cross(u, v, dim=-1)), (u * v).sum(-1)
-    return _IDENTITY + skew + skew @ skew / (1 + cosine).clamp_min(1e-3)[..., None, None]
-
-
-def turn_about(vectors: Tensor) -> Tensor:
-    """The rotation about each vector by its length [rad]. [..., 3] -> [..., 3, 3]."""
-    angle = torch.linalg.vector_norm(vectors, dim=-1)[..., None, None] / torch.pi  # [half turns]
-    whole, half = sinc(torch.stack([angle, angle / 2])).unbind()
-    skew = _skew(vectors)
-    return _IDENTITY + skew * whole + skew @ skew * (0.5 * half.square())
-
-
-def quaternions(matrices: Tensor) -> Tensor:
-    """Unit quaternions xyzw of rotation matrices. [B, N, 3, 3] -> [B, N, 4].
-
-    `character.rotation.quat_from_matrix` in a sixth of the calls: one product gives all four of Shepperd's formulas.
-    """
-    formulas = matrices.flatten(-2) @ _formulas().expand(matrices.shape[0], -1, -1)
-    best, *others = (formulas.unflatten(-1, (4, 4)) + torch.eye(4)).unbind(-2)
-    largest = best[..., :1]
-    for i, formula in enumerate(others, start=1):  # each is good where its own component is large
-        own = formula[..., i : i + 1]
-        best, largest = torch.where(own > largest, formula, best), torch.maximum(own, largest)
-    return unit(best)
-
-
-@cache
-def _formulas() -> Tensor:
-    """[9, 16]: a matrix's entries times this, and ones on the diagonal, are its quaternion times 4 x, y, z and w."""
-    entry = torch.eye(9).view(9, 3, 3)
-    trace = entry.diagonal(dim1=-2, dim2=-1).sum(-1)[:, None]
-    sums = entry + entry.mT - trace[..., None] * torch.eye(3)
-    turn = (entry.mT - entry)[:, [1, 2, 0], [2, 0, 1]]  # of the axis: m21 - m12, m02 - m20, m10 - m01
-    return torch.cat([torch.cat([sums, turn[..., None]], 2), torch.cat([turn, trace], 1)[:, None]], 1).flatten(1)
-
-
-def _skew(vectors: Tensor) -> Tensor:
-    """The matrix that crosses with a vector. [..., 3] -> [..., 3, 3]."""
-    return (vectors @ _SKEW).unflatten(-1, (3, 3))
-
-
 def figure_of(skeleton: Skeleton) -> Figure:
     """The tensors of one skeleton, which must carry the humanoid bone names. KeyError when one is missing."""
-    count = skeleton.joint_count
-    ancestry = torch.eye(count)
-    for joint, parent in enumerate(skeleton.parents):
-        if parent >= 0:
-            ancestry[joint] += ancestry[parent]
-    offsets = torch.tensor(skeleton.rest_offsets, dtype=torch.float32)
-    offsets[0] = 0
-    parents = torch.tensor([max(p, 0) for p in skeleton.parents])
-    carried = torch.nn.functional.one_hot(parents, count).float()
+    offsets = torch.tensor(skeleton.bone_offsets, dtype=torch.float32)
+    parents = torch.tensor(skeleton.upper_joints)
+    carried = torch.nn.functional.one_hot(parents, skeleton.joint_count).float()
     return Figure(
         skeleton=skeleton,
         offsets=offsets,
         parents=parents,
-        levers=torch.einsum("kp,kb,jk->pbj", carried, offsets, ancestry).flatten(0, 1),
+        levers=torch.einsum("kp,kb,jk->pbj", carried, offsets, torch.tensor(skeleton.ancestors)).flatten(0, 1),
         legs=torch.tensor([skeleton.indices(leg) for leg in _LEGS]),
         contacts=torch.tensor(skeleton.indices(CONTACT_JOINTS)),
         across=_across(skeleton),

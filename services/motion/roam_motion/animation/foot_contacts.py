@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import torch
+from roam_character.kinematics import bent_joint
+from roam_character.matrices import matrix_between, unit
+from roam_character.tensors.elementary import sine
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.elementary import sine
-from roam_motion.animation.figure import Figure, turn_between, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.state import FRAME_RATE, PLACE, Characters
 from roam_motion.animation.stepping import Steps, rise
 
@@ -207,34 +209,19 @@ def _reach(figure: Figure, joints: Tensor, orientations: Tensor, ankle: Tensor) 
     hips, joints = joints[:, 0] + shift, joints + shift[:, None]
     start, knee, end = joints[:, thigh], joints[:, shin], joints[:, foot]
     lengths = figure.lengths[shin, None], figure.lengths[foot, None]
-    bent = _knees(start, knee, ankle, orientations[:, thigh][..., 2], lengths)
+    # To the side that knees bend to now; where the legs are straight, forward.
+    bent = bent_joint(start, ankle, lengths, knee - start + 0.02 * orientations[:, thigh][..., 2])
     orientations = orientations.clone()
-    orientations[:, thigh] = turn_between(knee - start, bent - start) @ orientations[:, thigh]
-    orientations[:, shin] = turn_between(end - knee, ankle - bent) @ orientations[:, shin]
+    orientations[:, thigh] = matrix_between(knee - start, bent - start) @ orientations[:, thigh]
+    orientations[:, shin] = matrix_between(end - knee, ankle - bent) @ orientations[:, shin]
     return hips, orientations
-
-
-def _knees(start: Tensor, knee: Tensor, ankle: Tensor, forward: Tensor, lengths: tuple[Tensor, Tensor]) -> Tensor:
-    """Knee positions [B, 2, 3] for hip joints at `start` and ankles at `ankle`, bent to the side that they bend to now.
-
-    Exact also for straight legs, where the plane of the bones says nothing: there knees bend `forward`.
-    """
-    upper, lower = lengths
-    way = ankle - start
-    reach = vector_norm(way, dim=-1, keepdim=True)
-    way = way / reach.clamp_min(1e-6)
-    reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 1e-4), (upper + lower) * 0.9999)
-    cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
-    side = knee - start + 0.02 * forward
-    side = unit(side - (side * way).sum(-1, keepdim=True) * way)
-    return start + upper * (cosine * way + (1 - cosine.square()).clamp_min(0.0).sqrt() * side)
 
 
 def _feet_turned(figure: Figure, orientations: Tensor, arms: Tensor) -> Tensor:
     """Turns feet (and toes with them) so that the toes are at `arms` [B, 2, 3] from the ankles."""
     foot, toes = figure.legs[:, 2], figure.legs[:, 3]
     arm = (orientations[:, foot] @ figure.offsets[toes][..., None])[..., 0]
-    turn = turn_between(arm, arms)
+    turn = matrix_between(arm, arms)
     orientations[:, foot] = turn @ orientations[:, foot]
     orientations[:, toes] = turn @ orientations[:, toes]
     return orientations

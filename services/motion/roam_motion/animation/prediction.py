@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
+from roam_character.matrices import matrix_from_6d
 from torch import Tensor
 
 from roam_motion.actions import STYLES
-from roam_motion.animation.figure import Figure, Frame, orthonormal
+from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.rows import split_tensor
 from roam_motion.animation.state import KEYS, Characters
 
@@ -86,4 +87,4 @@ def world_axes(root: Frame, axes: Tensor) -> Tensor:
 
 def goal_orientations(goals: Goals, inverse_axes: Tensor) -> Tensor:
     """Inverse axes [B, J, 6] -> world orientations [B, J, 3, 3]."""
-    return goals.pose_orientations @ orthonormal(inverse_axes)
+    return goals.pose_orientations @ matrix_from_6d(inverse_axes)

@@ -6,10 +6,10 @@ from functools import cache
 from itertools import accumulate
 
 import torch
+from roam_character.tensors.elementary import cosine, sine
 from torch import Tensor
 
 from roam_motion.actions import STYLES, WALK
-from roam_motion.animation.elementary import cosine, sine
 from roam_motion.animation.figure import CONTACT_JOINTS
 from roam_motion.animation.manner import NAMES
 from roam_motion.animation.rows import join, row_width, split_tensor

@@ -10,11 +10,12 @@ import math
 from dataclasses import dataclass
 
 import torch
+from roam_character.matrices import unit
+from roam_character.tensors.elementary import arctangent, cosine, sine
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from roam_motion.animation.elementary import arctangent, cosine, sine
-from roam_motion.animation.figure import Figure, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import of
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.proportions import leg_length, size

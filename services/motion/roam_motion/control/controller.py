@@ -5,8 +5,8 @@ bring the body to it. RISE asks for a standing place in front of the seat until 
 planned way (`Transition`), the goal pose moves along it from the entry pose, both ways, and alone decides. What differs
 between actions is in actions/.
 
-Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
-`roam evaluate motion` are measured with them.
+Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were tuned by hand on the approaches of
+`roam evaluate motion`.
 """
 
 import math

@@ -10,9 +10,8 @@ from scipy.sparse.csgraph import connected_components
 
 from roam_goalpose.objects.cleaning.planes import Floor, Mask, find_floors, find_walls, strangeness
 from roam_goalpose.objects.cleaning.strays import belongs
-from roam_goalpose.objects.geometry import Geometry, Indices
+from roam_goalpose.objects.geometry import Geometry, Indices, triangle_areas
 from roam_goalpose.objects.placing.axes import up_rotation
-from roam_goalpose.objects.surfaces.sampling import triangle_areas
 from roam_goalpose.objects.surfaces.surface import surface_samples
 
 # How much stranger an object may look without its floor: floors are found by their place, and legs without their stool,

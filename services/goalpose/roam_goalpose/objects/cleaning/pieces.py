@@ -16,11 +16,11 @@ from roam_character.distance import turn_about_y
 from scipy import ndimage
 
 from roam_goalpose.objects.errors import ObjectError
-from roam_goalpose.objects.geometry import Array, Geometry, Indices
+from roam_goalpose.objects.geometry import Array, Geometry, Indices, triangle_areas
 from roam_goalpose.objects.placing.heading import find_heading
 from roam_goalpose.objects.placing.size import describe_shape, expected_size
 from roam_goalpose.objects.placing.tilt import turn_to_y
-from roam_goalpose.objects.surfaces.sampling import sample_triangles, triangle_areas
+from roam_goalpose.objects.surfaces.sampling import sample_triangles
 from roam_goalpose.objects.surfaces.surface import surface_samples
 
 _CELLS = 72  # along the longest side: 3 cm in a group of 2.2 m

@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
-from roam_goalpose.objects.geometry import Array
+from roam_goalpose.objects.geometry import Array, triangle_areas
 from roam_goalpose.objects.placing.upright import score_turned
-from roam_goalpose.objects.surfaces.sampling import triangle_areas
 
 Directions = npt.NDArray[np.floating]
 

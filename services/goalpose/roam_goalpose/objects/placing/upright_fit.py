@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from roam_goalpose.objects.geometry import Array, Geometry
+from roam_goalpose.objects.geometry import Array, Geometry, triangle_areas
 from roam_goalpose.objects.limits import Limits
 from roam_goalpose.objects.placing import upright
 from roam_goalpose.objects.placing.axes import up_rotation
 from roam_goalpose.objects.placing.tilt import possible_ups, stands, surface_centre, turn_to_y
 from roam_goalpose.objects.placing.upright import describe, products
 from roam_goalpose.objects.reading import read_geometry
-from roam_goalpose.objects.surfaces.sampling import sample_triangles, shuffled_subset, triangle_areas
+from roam_goalpose.objects.surfaces.sampling import sample_triangles, shuffled_subset
 from roam_goalpose.objects.surfaces.surface import local_normals
 
 _SIDES = ("z", "-z", "x", "-x", "-y")

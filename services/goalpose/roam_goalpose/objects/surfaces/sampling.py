@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roam_goalpose.objects.arrays import Array
+from roam_goalpose.objects.geometry import area_vectors
 
 # Fractional parts of the powers of the plastic number: the two-dimensional additive sequence with the evenest spread.
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
@@ -26,12 +27,6 @@ class Samples:
     normals: Array | None
 
 
-def triangle_areas(triangles: Array) -> Array:
-    """Areas `[F]` of triangles `[F, 3, 3]`."""
-    vectors = _area_vectors(triangles)
-    return 0.5 * np.sqrt(np.einsum("fi,fi->f", vectors, vectors))
-
-
 def sample_triangles(triangles: Array, areas: Array, count: int, *, seed: int) -> Samples:
     """`count` points spread by area over triangles `[F, 3, 3]`, in the order of the triangles.
 
@@ -49,7 +44,7 @@ def sample_triangles(triangles: Array, areas: Array, count: int, *, seed: int) -
     u, v = np.where(folded, 1.0 - u, u), np.where(folded, 1.0 - v, v)
     corners = triangles[chosen]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normals = _area_vectors(triangles)[chosen] if len(triangles) < count else np.cross(first, second)
+    normals = area_vectors(triangles)[chosen] if len(triangles) < count else np.cross(first, second)
     normals /= np.maximum(np.sqrt(np.einsum("fi,fi->f", normals, normals)), 1e-30)[:, None]
     return Samples(corners[:, 0] + u * first + v * second, normals)
 
@@ -69,10 +64,3 @@ def sample_cloud(points: Array, count: int, *, seed: int) -> Samples:
     # Weighted sampling without replacement: the largest u^(1/w) win (Efraimidis and Spirakis 2006).
     keys = np.log(np.random.default_rng(seed).random(len(points))) * sizes[inverse]
     return Samples(points[np.argsort(-keys, kind="stable")[:count]], None)
-
-
-def _area_vectors(triangles: Array) -> Array:
-    a, b = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
-    x = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    y = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    return np.stack([x, y, a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]], axis=1)  # np.cross takes twice as long

@@ -10,14 +10,18 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
 import torch
+from roam_character.kinematics import bent_joint
+from roam_character.matrices import matrix_between, matrix_from_6d, matrix_from_rotvec, matrix_to_6d
+from roam_character.tensors.elementary import arctangent, sine
 from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.actions import IDLE, LIE
-from roam_motion.animation.elementary import arctangent, sine
-from roam_motion.animation.figure import Figure, orthonormal, six, turn_about, turn_between, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import of
+from roam_motion.animation.rows import Shapes, row_width, split_tensor
 from roam_motion.animation.shown.gait import Sway, sway
 from roam_motion.animation.shown.seated_life import BONES, Fidget, fidget
 from roam_motion.animation.state import STYLE, Characters
@@ -73,11 +77,19 @@ class Life:
 
     @staticmethod
     def of(rows: Tensor) -> "Life":
-        """From a row of numbers each [B, 8]."""
-        return Life(rows[:, 0], rows[:, 1:3], rows[:, 3], rows[:, 4:7], rows[:, 7])
+        """From a row of numbers each [B, WIDTH]."""
+        return Life(**split_tensor(rows, _SHAPES))
 
 
-WIDTH = 8  # numbers of `Life`
+# The order of life_row's numbers.
+_SHAPES: Shapes = {"clock": (), "hands": (2,), "back": (), "target": (3,), "looks": ()}
+WIDTH = row_width(_SHAPES)  # numbers of `Life`
+
+
+def life_row(clock: float, resting: tuple[float, float, float], target: np.ndarray | None) -> np.ndarray:
+    """The row of numbers of one body [WIDTH]: `resting` are its hands and its back, `target` [3] what it looks at."""
+    looked_at = (0.0, 0.0, 0.0) if target is None else target
+    return np.array([clock, *resting, *looked_at, target is not None], np.float32)
 
 
 def stillness(characters: Characters) -> Tensor:
@@ -106,7 +118,7 @@ def alive(
     amount = (seated * size)[:, None]
     turns = root.turn_out(_trunk_turns(fidgets, gait, amount, life.back))
     bones = _bones(figure)
-    turned = turned.index_copy(1, bones, turn_about(turns) @ turned[:, bones])
+    turned = turned.index_copy(1, bones, matrix_from_rotvec(turns) @ turned[:, bones])
     turned = _looking(figure, turned, torch.maximum(share, _GLANCES * walks), characters.gaze, life.clock)
     stands = (share - characters.settled).clamp_min(0.0) * (1 - characters.blend)
     shift = (stands * size)[:, None] * _STANDING * _shift(life.clock)
@@ -131,7 +143,7 @@ def _breathing(
     joints = _joints(figure)
     angles = _breath(characters, life.clock)[:, None, None] * _OF_BREATH
     angles = angles + size[:, None, None] * _shift(life.clock)[:, None] * _OF_SHIFTS
-    turns = turn_about(share[:, None, None] * angles)
+    turns = matrix_from_rotvec(share[:, None, None] * angles)
     return orientations.index_copy(1, joints, orientations[:, joints] @ turns)
 
 
@@ -208,7 +220,7 @@ def _looking(figure: Figure, orientations: Tensor, share: Tensor, gaze: Tensor, 
     joints = torch.tensor(figure.skeleton.indices(names))
     angles = torch.stack([pitch, yaw, torch.zeros_like(yaw)], -1)[:, None]
     shares = torch.tensor([part for _, part in _HEAD]).cumsum(0)[:, None]
-    return orientations.index_copy(1, joints, orientations[:, joints] @ turn_about(shares * angles))
+    return orientations.index_copy(1, joints, orientations[:, joints] @ matrix_from_rotvec(shares * angles))
 
 
 def _limbs_kept(
@@ -233,15 +245,13 @@ def _limbs_kept(
     reach = vector_norm(way, dim=-1, keepdim=True)
     way = way / reach.clamp_min(1e-6)
     reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 1e-3), 0.9999 * (upper + lower))
-    cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
-    side = bend - first + _FORWARD * after[:, root][..., 2]
-    side = unit(side - (side * way).sum(-1, keepdim=True) * way)
-    bent = first + upper * (cosine * way + (1 - cosine.square()).clamp_min(0.0).sqrt() * side)
+    reached = first + reach * way
+    bent = bent_joint(first, reached, (upper, lower), bend - first + _FORWARD * after[:, root][..., 2])
     hands = end[2:]
     turned = [
-        turn_between(bend - first, bent - first) @ after[:, root],
-        turn_between(tip - bend, first + reach * way - bent) @ after[:, middle],
-        orthonormal(torch.lerp(six(after[:, hands]), six(start[:, hands]), kept[:, 2:])),
+        matrix_between(bend - first, bent - first) @ after[:, root],
+        matrix_between(tip - bend, reached - bent) @ after[:, middle],
+        matrix_from_6d(torch.lerp(matrix_to_6d(after[:, hands]), matrix_to_6d(start[:, hands]), kept[:, 2:])),
     ]
     return after.index_copy(1, torch.cat([root, middle, hands]), torch.cat(turned, 1))
 

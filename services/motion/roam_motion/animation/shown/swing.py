@@ -9,16 +9,17 @@ starts from; nobody who stands, sits or holds a pose is touched at all.
 from functools import cache
 
 import torch
+from roam_character.matrices import matrix_from_rotvec
+from roam_character.tensors.elementary import arctangent
 from torch import Tensor
 
-from roam_motion.animation.elementary import arctangent
-from roam_motion.animation.figure import Figure, turn_about
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import of
 from roam_motion.animation.state import Characters, strolling
 
 # Measured on steady walking at 0.7 to 1.0 m/s, clips of the training set beside the network: deviations of 7.5 to 5.5
 # degrees of the arm, of 4.3 to 3.6 degrees of the shoulders' turn against the hips.
-# The second number is what a deviate of `arms` adds, chosen by hand within the range of captured arm swings.
+# The second number is what a deviate of `arms` adds, tuned by hand within the range of captured arm swings.
 _ARM, _TRUNK = (0.1, 0.35), (0.2, 0.2)  # shares of the swing that are added
 # Walking people carry elbows bent by 38 to 62 degrees and upper arms up to 15 degrees behind hanging; the network has
 # elbows at 22 to 27, upper arms 9 to 11 in front (`roam evaluate motion --people`).
@@ -72,5 +73,5 @@ def _yaw(across: Tensor) -> Tensor:
 
 def _turned(orientations: Tensor, joints: Tensor, angles: Tensor, axis: Tensor) -> Tensor:
     """World orientations with `joints` [K] turned by `angles` [B, K] about a world `axis` [3] or [B, 1, 3]."""
-    turns = turn_about(angles[..., None] * axis)
+    turns = matrix_from_rotvec(angles[..., None] * axis)
     return orientations.index_copy(1, joints, turns @ orientations[:, joints])

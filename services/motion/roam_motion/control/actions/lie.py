@@ -4,8 +4,8 @@ Where to stand depends on the lying pose's open side. That is the one asked for,
 headboard is in the way, else the one where the furniture ends sooner (a back rest is on the other), else the one that
 the character is on.
 
-Lengths are for legs of 0.82 m (see proportions.py) and were chosen by hand; the approaches of `roam evaluate motion`
-are measured with them.
+Lengths are for legs of 0.82 m (see proportions.py) and, where no source stands beside them, tuned by hand on the
+approaches of `roam evaluate motion`.
 """
 
 from functools import lru_cache

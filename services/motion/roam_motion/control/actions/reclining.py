@@ -6,8 +6,8 @@ once per goal and way: a hand goes down on the furniture, the legs come up one a
 trunk reclines. Every bone's and joint's speed is bounded, and the ends are eased. There are several ways (ways.py);
 who lies down one way gets up another.
 
-Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were chosen by hand, and the approaches of
-`roam evaluate motion` are measured with them.
+Lengths are for legs of 0.82 m (see proportions.py); numbers without a source were tuned by hand on the lying approaches
+of `roam evaluate motion`.
 """
 
 import math
@@ -16,12 +16,13 @@ from functools import lru_cache
 
 import numpy as np
 import torch
+from roam_character.matrices import matrix_from_6d, matrix_from_rotvec, matrix_to_6d
 from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.actions import SIT
 from roam_motion.animation.collision import furniture_of, goal_depths, keep_clear
-from roam_motion.animation.figure import Figure, orthonormal, six, turn_about
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.proportions import size
 from roam_motion.control.actions.reclining_limbs import (
     HIPS_BACK,
@@ -115,11 +116,11 @@ def _orientations(figure: Figure, seat: Seat, place: Bed, way: Way, hips: Tensor
     lying = torch.from_numpy(seat.orientations)
     turned = eased(share, way.turns)
     angle = math.atan2(float(place.aside[0]), float(place.aside[2])) + place.sense * (math.pi / 2) * turned
-    yaw = turn_about(angle[:, None] * torch.tensor([0.0, 1.0, 0.0]))
+    yaw = matrix_from_rotvec(angle[:, None] * torch.tensor([0.0, 1.0, 0.0]))
     pitch = torch.lerp(torch.tensor(_UPRIGHT), torch.tensor(way.back), eased(share, way.leans))
     roll = place.sense * way.sideways * eased(share, way.leans) * (1 - turned)
-    tilt = turn_about(roll[:, None] * torch.tensor([0.0, 0.0, 1.0]))
-    upright = yaw @ tilt @ turn_about(pitch[:, None] * torch.tensor([1.0, 0.0, 0.0]))
+    tilt = matrix_from_rotvec(roll[:, None] * torch.tensor([0.0, 0.0, 1.0]))
+    upright = yaw @ tilt @ matrix_from_rotvec(pitch[:, None] * torch.tensor([1.0, 0.0, 0.0]))
     pelvis = between(upright, lying[None, 0], eased(share, way.reclines))
     loosens = eased(share, (max(way.reclines[0] - 0.15, 0.0), way.reclines[1]))[:, None]
     local = between(_seated_rotations(figure)[None], figure.local(lying)[None], loosens)
@@ -133,12 +134,14 @@ def _seated_rotations(figure: Figure) -> Tensor:
     turns, names = torch.zeros(figure.joint_count, 3), figure.skeleton
     for name, angle in _STOOP.items():
         turns[names.index(name), 0] = angle
-    rotations = turn_about(turns)
+    rotations = matrix_from_rotvec(turns)
     (forward, down), bent = _ARM
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        swing = turn_about(torch.tensor([forward, 0.0, 0.0])) @ turn_about(torch.tensor([0.0, 0.0, sign * down]))
+        swing = matrix_from_rotvec(torch.tensor([forward, 0.0, 0.0])) @ matrix_from_rotvec(
+            torch.tensor([0.0, 0.0, sign * down])
+        )
         rotations[names.index(f"{side}UpperArm")] = swing
-        rotations[names.index(f"{side}LowerArm")] = turn_about(torch.tensor([0.0, sign * bent, 0.0]))
+        rotations[names.index(f"{side}LowerArm")] = matrix_from_rotvec(torch.tensor([0.0, sign * bent, 0.0]))
     return rotations
 
 
@@ -151,9 +154,9 @@ def _cleared(figure: Figure, seat: Seat, hips: Tensor, orientations: Tensor) -> 
             _, orientations, _ = keep_clear(
                 figure, furniture, figure.positions(hips, orientations), orientations, torch.zeros(count)
             )
-    flat = six(orientations).flatten(1)
-    flat = torch.cat([flat[:-1], six(torch.from_numpy(seat.orientations)).flatten()[None]])
-    return orthonormal(smoothed(flat).unflatten(1, (-1, 6)))
+    flat = matrix_to_6d(orientations).flatten(1)
+    flat = torch.cat([flat[:-1], matrix_to_6d(torch.from_numpy(seat.orientations)).flatten()[None]])
+    return matrix_from_6d(smoothed(flat).unflatten(1, (-1, 6)))
 
 
 def _timed(figure: Figure, hips: Tensor, orientations: Tensor) -> tuple[Tensor, Tensor]:
@@ -171,5 +174,5 @@ def _timed(figure: Figure, hips: Tensor, orientations: Tensor) -> tuple[Tensor, 
     after = torch.searchsorted(needed, reached, right=True).clamp(1, len(needed) - 1)
     before = after - 1
     share = ((reached - needed[before]) / (needed[after] - needed[before]).clamp_min(1e-6)).clamp(0.0, 1.0)
-    axes = torch.lerp(six(orientations[before]), six(orientations[after]), share[:, None, None])
-    return torch.lerp(hips[before], hips[after], share[:, None]), orthonormal(axes)
+    axes = torch.lerp(matrix_to_6d(orientations[before]), matrix_to_6d(orientations[after]), share[:, None, None])
+    return torch.lerp(hips[before], hips[after], share[:, None]), matrix_from_6d(axes)

@@ -4,11 +4,13 @@ Lengths are for legs of 0.82 m (see proportions.py) and were chosen by hand.
 """
 
 import torch
+from roam_character.kinematics import bent_joint
+from roam_character.matrices import matrix_between, matrix_from_6d, matrix_to_6d, unit
 from torch import Tensor
 from torch.linalg import vector_norm
 
 from roam_motion.animation.collision import Furniture, limbs_of
-from roam_motion.animation.figure import Figure, orthonormal, six, turn_between, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.proportions import size
 from roam_motion.control.actions.ways import Bed, Span, Way, eased
 from roam_motion.control.seat import Seat
@@ -29,6 +31,11 @@ _WITHIN = 0.06  # [m] of the furniture's edge
 _HIGHEST, _ABOVE, _OUT, _ROOM = 0.06, (0.12, 0.26, 0.40), (0.0, 0.16), 0.09
 _SWING = 0.30, 0.35  # [m] out and down from the shoulder, what a hand swings round by on its way down
 _LONGEST = 0.985  # share of an arm's length that a hand is put down at most
+_FOLDED, _STRAIGHT = (
+    0.15,
+    0.998,
+)  # [m] hip to ankle at the least, besides the bones' difference; share of the leg at most
+_FOLDED_ARM = 0.08  # [m] the same of shoulder and wrist
 
 
 def height_over(furniture: Furniture, place: Tensor, near: float, gap: float) -> Tensor:
@@ -43,7 +50,7 @@ def height_over(furniture: Furniture, place: Tensor, near: float, gap: float) ->
 
 def between(start: Tensor, end: Tensor, share: Tensor) -> Tensor:
     """Rotations [..., 3, 3] that share of the way from one to another."""
-    return orthonormal(torch.lerp(six(start), six(end), share[..., None]))
+    return matrix_from_6d(torch.lerp(matrix_to_6d(start), matrix_to_6d(end), share[..., None]))
 
 
 def raised(lift: Tensor) -> Tensor:
@@ -112,14 +119,8 @@ def _ankles(
 
 def _knees(figure: Figure, starts: Tensor, ankles: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
     """Knees and ankles [N, 2, 3] that legs from `starts` have, bent towards `bend`."""
-    upper, lower = figure.lengths[figure.legs[:, 1], None], figure.lengths[figure.legs[:, 2], None]
-    way = ankles - starts
-    reach = vector_norm(way, dim=-1, keepdim=True).clamp_min(1e-6)
-    way = way / reach
-    reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 0.15), 0.998 * (upper + lower))
-    cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
-    side = unit(bend - (bend * way).sum(-1, keepdim=True) * way)
-    return starts + upper * (cosine * way + (1 - cosine.square()).sqrt() * side), starts + reach * way
+    lengths = figure.lengths[figure.legs[:, 1], None], figure.lengths[figure.legs[:, 2], None]
+    return _limb(starts, ankles, lengths, bend, (_FOLDED, _STRAIGHT))
 
 
 def _leg_bones(figure: Figure, starts: Tensor, ankles: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
@@ -179,11 +180,11 @@ def hands_down(figure: Figure, place: Bed, way: Way, hips: Tensor, world: Tensor
         )
         out = torch.lerp(elbow - (shoulder + wrist) / 2, aside * place.aside - 0.5 * yaw[:, :, 2], weight)
         bent, end = _elbow(shoulder, target, lengths, out)
-        upper = turn_between(elbow - shoulder, bent - shoulder)
-        lower = turn_between((upper @ (wrist - elbow)[..., None])[..., 0], end - bent) @ upper
+        upper = matrix_between(elbow - shoulder, bent - shoulder)
+        lower = matrix_between((upper @ (wrist - elbow)[..., None])[..., 0], end - bent) @ upper
         tip = (lower @ world[:, joints[2]] @ limbs.hands[side][:, None])[..., 0]
         level = unit(tip * torch.tensor([1.0, 0.0, 1.0]) + 0.02 * aside * place.aside)
-        flat = turn_between(tip, torch.lerp(unit(tip), level, weight))
+        flat = matrix_between(tip, torch.lerp(unit(tip), level, weight))
         turned[:, joints] = torch.stack([upper, lower, flat @ lower], 1) @ world[:, joints]
     return turned
 
@@ -209,11 +210,15 @@ def _hand_place(figure: Figure, place: Bed, aside: float) -> Tensor | None:
 
 def _elbow(shoulder: Tensor, wrist: Tensor, lengths: tuple[Tensor, Tensor], out: Tensor) -> tuple[Tensor, Tensor]:
     """Elbow and wrist [N, 3] of arms that reach for `wrist`, bent towards `out`."""
+    return _limb(shoulder, wrist, lengths, out, (_FOLDED_ARM, _LONGEST))
+
+
+def _limb(
+    start: Tensor, end: Tensor, lengths: tuple[Tensor, Tensor], side: Tensor, bounds: tuple[float, float]
+) -> tuple[Tensor, Tensor]:
+    """Middle and end of limbs that reach for `end` and bend to a side; never folded or straighter than `bounds`."""
     upper, lower = lengths
-    way = wrist - shoulder
+    way = end - start
     reach = vector_norm(way, dim=-1, keepdim=True).clamp_min(1e-6)
-    way = way / reach
-    reach = torch.minimum(torch.maximum(reach, (upper - lower).abs() + 0.08), _LONGEST * (upper + lower))
-    cosine = ((upper.square() + reach.square() - lower.square()) / (2 * upper * reach)).clamp(-1.0, 1.0)
-    side = unit(out - (out * way).sum(-1, keepdim=True) * way)
-    return shoulder + upper * (cosine * way + (1 - cosine.square()).sqrt() * side), shoulder + reach * way
+    end = start + way * (reach.maximum((upper - lower).abs() + bounds[0]).minimum(bounds[1] * (upper + lower)) / reach)
+    return bent_joint(start, end, lengths, side, straightest=bounds[1]), end

@@ -3,8 +3,7 @@
 The paper sets the walking goal 0.3 m in front of the goal feet. In the captured sits people stand *over* their later
 feet when they begin (median 0.00 m), so the standing place has their feet there already; farther away where the
 furniture's edge would be in the calves, nearer where the hips would sink with nothing under them. The other lengths are
-for legs of 0.82 m (see proportions.py) and were chosen by hand; the approaches of `roam evaluate motion` are measured
-with them.
+for legs of 0.82 m (see proportions.py), tuned by hand on the approaches of `roam evaluate motion`.
 """
 
 from functools import lru_cache

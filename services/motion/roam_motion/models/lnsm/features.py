@@ -13,11 +13,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
+from roam_character.matrices import matrix_to_6d
+from roam_character.tensors.elementary import arctangent
 from torch import Tensor
 
 from roam_motion.actions import STYLES
-from roam_motion.animation.elementary import arctangent
-from roam_motion.animation.figure import CONTACT_JOINTS, Figure, Frame, six
+from roam_motion.animation.figure import CONTACT_JOINTS, Figure, Frame
 from roam_motion.animation.prediction import Goals, Prediction, goal_frame
 from roam_motion.animation.state import (
     DIRECTION,
@@ -175,7 +176,7 @@ def encode_targets(
         root.points_in(targets.positions) - root.points_in(positions),
         axes,
         goal.turn_in(targets.positions - goals.pose_positions) * goals.active[:, None, None],
-        six(relative) * goals.active[:, None, None],
+        matrix_to_6d(relative) * goals.active[:, None, None],
         torch.cat([root.points_in(keys[..., PLACE]), root.turn_in(keys[..., DIRECTION]), keys[..., STYLE]], -1),
         torch.cat([goal.points_in(keys[..., PLACE]), goal.turn_in(keys[..., DIRECTION])], -1),
         targets.contacts,

@@ -5,13 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
+from roam_character.tensors.torchscript import scripted, traced
 from torch import Tensor
 
 from roam_motion.animation.blending import Blending
 from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.prediction import Goals, Predict, Prediction
 from roam_motion.animation.state import Characters
-from roam_motion.animation.torchscript import scripted, traced
 from roam_motion.models.lnsm.config import NetworkConfig, Parts
 from roam_motion.models.lnsm.features import Inputs, decode, encode
 from roam_motion.models.lnsm.network import MotionNetwork, Normaliser, answer, normal

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from roam_character.matrices import unit
 from roam_character.rotation import quat_to_matrix
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from roam_motion.actions import SIT, STYLES
-from roam_motion.animation.figure import Figure, unit
+from roam_motion.animation.figure import Figure
 from roam_motion.animation.manner import NAMES
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.state import FRAME_RATE, FUTURE, KEY_STRIDE, KEYS, PAST, Characters

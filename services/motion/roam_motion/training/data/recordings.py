@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from roam_character.clip import Clip
-from roam_character.formats.bvh import read_bvh
+from roam_character.documents.bvh import read_bvh
 from roam_character.retarget import RetargetError, retarget
 from roam_character.skeleton import Skeleton
 

@@ -12,9 +12,10 @@ beside a body that turned away would teach that crossed legs are normal. Of such
 import math
 
 import torch
+from roam_character.matrices import matrix_from_6d
 from torch import Tensor
 
-from roam_motion.animation.figure import Figure, Frame, orthonormal
+from roam_motion.animation.figure import Figure, Frame
 from roam_motion.animation.prediction import Goals
 from roam_motion.animation.state import DIRECTION, FUTURE, KEY_STRIDE, KEYS, PHASE, PLACE, STYLE, Characters
 from roam_motion.models.lnsm.features import Targets
@@ -57,7 +58,7 @@ def returning(
     axes = torch.cat([to.turn_out(axes[..., :3]), to.turn_out(axes[..., 3:])], -1)
     return Targets(
         positions=joints,
-        orientations=orthonormal(axes),
+        orientations=matrix_from_6d(axes),
         trajectory=_trajectory(ahead.trajectory, offset, turn),
         contacts=ahead.contacts * (1 - steps.repeat_interleave(2, 1).float()),
         phase=_phase(characters, truth, ahead.phase),

@@ -11,7 +11,7 @@ Additions, products, quotients, square roots, comparisons need none of this: IEE
 import torch
 from torch import Tensor
 
-from roam_motion.animation.torchscript import scripted
+from roam_character.tensors.torchscript import scripted
 
 
 def _filled(x: Tensor) -> Tensor:

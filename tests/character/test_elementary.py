@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import roam_motion
 import torch
-from roam_motion.animation import elementary
+from roam_character.tensors import elementary
 
 pytestmark = pytest.mark.equal_bits
 

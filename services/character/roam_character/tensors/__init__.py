@@ -1,0 +1,1 @@
+"""What is for torch tensors alone: graphs, and functions whose bits do not depend on the batch."""
