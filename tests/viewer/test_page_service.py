@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 from fastapi import FastAPI
-from roam_character.formats.gltf_document import GltfDocument
+from roam_character.documents.gltf_document import GltfDocument
 from roam_character.skeleton import humanoid_skeleton
 from roam_command.page import PageService, Upload
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from roam_character.documents.gltf_document import GltfDocument, node_matrix
 from roam_character.figure.modelling import modelling_stance
 from roam_character.figure.person import FILE, STEP, figure_mesh
 from roam_character.formats.glb import glb_bytes
-from roam_character.formats.gltf_document import GltfDocument, node_matrix
 from roam_character.mesh import rest_origins
 from roam_character.pose import Pose
 from roam_character.rotation import quat_from_rotvec

@@ -65,7 +65,6 @@ def test_lying_on_a_sofa_stays_on_the_sofa(synthesizer):
 
 def test_a_dining_table_high_bar_seat_is_reported(synthesizer):
     result = synthesizer.synthesize(pair("bar_sit").shape, GoalPoseRequest(reference="chair_sit"))
-    print(result.warnings, result.diagnostics)
     assert "FEET_OFF_FLOOR" in [w.reason for w in result.warnings]
     assert result.diagnostics["floor_reach"] == pytest.approx(0.27, abs=0.03)
 

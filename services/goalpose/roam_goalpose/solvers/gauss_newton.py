@@ -106,24 +106,17 @@ class _Run:
         self.found = problem.starts
         self.shape: Quadratic  # around `found`
         self.damping = torch.full((len(problem.starts),), 1e-2)
-        self.stiffening = torch.full((len(problem.starts),), 4.0)  # by which damping grows when the next step fails
         self.idle = torch.zeros(len(problem.starts))  # steps in a row by which each pose gained little
         self.iteration = 0
         self.ended = False
         self.failure: Exception | None = None
 
-    def take(self, ahead: Candidates, promised: Tensor) -> Tensor:
-        """Keeps the poses that are better; which they are [B], none when it ends here.
-
-        `promised` [B] is what the quadratic said that they gain: damping falls as far as it was kept (Nielsen 1999).
-        """
+    def take(self, ahead: Candidates) -> Tensor:
+        """Keeps the poses that are better; which they are [B], none when it ends here."""
         gain = self.found.energy - ahead.energy
         won = gain > 0
         self.found = self.found.replaced(won, ahead)
-        kept = gain / promised.clamp(min=1e-12)
-        softer = (1.0 - (2.0 * kept - 1.0) ** 3).clamp(0.3, 3.0)
-        self.damping = (self.damping * torch.where(won, softer, self.stiffening)).clamp(1e-5, 1e3)
-        self.stiffening = torch.where(won, 4.0, 2.0 * self.stiffening)
+        self.damping = torch.where(won, self.damping * 0.3, self.damping * 6.0).clamp(1e-5, 1e3)
         self.iteration += 1
         try:
             self.problem.watch(self.iteration, self.found)
@@ -165,8 +158,7 @@ class _Batch:
         step = newton_step(shape, torch.cat([run.damping for run in self.runs]))
         ahead = self._expanded(moved(figure_concat([run.found.figure for run in self.runs]), step))
         found = self._candidates(ahead)
-        promised = -(step * (shape.gradient + 0.5 * (shape.matrix @ step[..., None])[..., 0])).sum(-1)
-        won = torch.cat([run.take(found.picked(share), promised[share]) for run, share in self._shares()])
+        won = torch.cat([run.take(found.picked(share)) for run, share in self._shares()])
         if bool(won.any()):
             shape = quadratic_where(won, ahead.quadratic(), shape)
             for run, share in self._shares():
