@@ -64,9 +64,9 @@ def test_lying_on_a_sofa_stays_on_the_sofa(synthesizer):
 
 
 def test_a_dining_table_high_bar_seat_is_reported(synthesizer):
-    result = synthesizer.synthesize(pair("bar_sit").shape, GoalPoseRequest(reference="chair_sit"))
+    result = synthesizer.synthesize(pair("bar_sit").shape, GoalPoseRequest(reference="stool_sit"))
     assert "FEET_OFF_FLOOR" in [w.reason for w in result.warnings]
-    assert result.diagnostics["floor_reach"] == pytest.approx(0.27, abs=0.03)
+    assert result.diagnostics["floor_reach"] == pytest.approx(0.29, abs=0.03)
 
 
 def test_the_published_solver_runs(synthesizer):
