@@ -492,6 +492,11 @@ def test_a_zip_of_two_objects_or_none_is_refused(packed, words):
         load_shape(packed, "zip")
 
 
+def test_a_file_without_a_name_in_a_zip_is_passed_over():
+    packed = _zip(chair_dot_obj=_obj(), nameless_dot_txt="hello").replace(b"nameless.txt", b"\0" * 12)
+    _is_the_chair(packed, "zip")
+
+
 def test_a_zip_bomb_is_refused():
     with pytest.raises(ObjectError) as caught:
         load_shape(_zip(bomb_dot_obj=b"v 0 0 0\n" * 80_000_000), "zip")

@@ -66,7 +66,8 @@ def _files(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipInf
     for entry in entries:
         path = PurePosixPath(entry.filename.replace("\\", "/"))
         hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
-        if not entry.is_dir() and not hidden and path.suffix.lstrip(".").lower() not in _LOOKS:
+        is_file = entry.filename and not entry.filename.endswith("/")  # a damaged name can be empty
+        if is_file and not hidden and path.suffix.lstrip(".").lower() not in _LOOKS:
             kept[str(path)] = entry
     if sum(entry.file_size for entry in kept.values()) > _UNPACKED * limits.bytes:
         raise ObjectError(
