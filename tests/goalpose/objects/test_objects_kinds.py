@@ -481,6 +481,7 @@ def test_a_gltf_with_its_buffer_in_a_zip():
 def test_an_obj_with_materials_in_a_zip():
     packed = _zip(chair_dot_obj=_obj(header="mtllib chair.mtl"), chair_dot_mtl="newmtl wood", readme_dot_txt="hello")
     _is_the_chair(packed, "zip")
+    _is_the_chair(packed.replace(b"readme.txt", b"\0" * 10), "zip")  # a damaged name: passed over
 
 
 @pytest.mark.parametrize(
@@ -490,11 +491,6 @@ def test_an_obj_with_materials_in_a_zip():
 def test_a_zip_of_two_objects_or_none_is_refused(packed, words):
     with pytest.raises(ObjectError, match=words):
         load_shape(packed, "zip")
-
-
-def test_a_file_without_a_name_in_a_zip_is_passed_over():
-    packed = _zip(chair_dot_obj=_obj(), nameless_dot_txt="hello").replace(b"nameless.txt", b"\0" * 12)
-    _is_the_chair(packed, "zip")
 
 
 def test_a_zip_bomb_is_refused():

@@ -1,7 +1,7 @@
 """The ways of lying down: when hips, trunk, legs and hands do their parts of it.
 
 All numbers are shares of a plan of even samples, which is timed afterwards, unless another unit is given. They were
-chosen by hand, looking at films and at the measures of lying of `roam evaluate motion --people`: captured people put a
+tuned on films and on the measures of lying of `roam evaluate motion --people`: captured people put a
 hand down (7 to 11 cm under the hips), bring up one foot after the other, never both over the hips, and recline in 0.8
 to 2.4 s.
 """
